@@ -98,14 +98,14 @@ class Keyword:
         """The option, for the parser: not given by default, whereby the function's own default counts."""
         asked, bounds, choices = _TYPES[self.words], _BOUNDS.search(self.declared), _CHOICES.match(self.declared)
         several, flag = getattr(asked, "__origin__", None) is tuple, asked is bool
+        unit = self.value(1.0) if self.words == "float" else 1.0  # limits and default are said in SI
         text = self.text + (" May be repeated." if several else "")
         if self.default is not None and self.default != () and not flag:
-            usual = self._in_own_unit(self.default)
+            usual = float(f"{self.default / unit:g}") if self.words == "float" else self.default
             text += f" [default: {','.join(usual) if isinstance(usual, tuple) else usual}]"
-        limits: dict[str, float] = {}
-        if bounds:
-            limits = {"gt" if bounds[1] == ">" else "gte": self._in_own_unit(ast.literal_eval(bounds[2]))}
-            limits |= {"lte": self._in_own_unit(ast.literal_eval(bounds[3]))} if bounds[3] else {}
+        texts = {"gt" if bounds[1] == ">" else "gte": bounds[2], "lte": bounds[3]} if bounds else {}
+        limits = {name: ast.literal_eval(limit) for name, limit in texts.items() if limit}
+        limits = {name: limit if unit == 1.0 else limit / unit for name, limit in limits.items()}
         shown = Parameter(
             name=f"--{self.option}", help=text, validator=Number(**limits) if limits else None, show_default=flag
         )
@@ -114,10 +114,6 @@ class Keyword:
         option = inspect.Parameter(f"option_{self.name}", inspect.Parameter.KEYWORD_ONLY)
         unset = () if several else False if flag else None
         return option.replace(default=unset, annotation=Annotated[asked if several or flag else asked | None, shown])
-
-    def _in_own_unit(self, number: Any) -> Any:
-        """What the docstring says in SI, as the option takes it."""
-        return float(f"{number / self.value(1.0):g}") if self.words == "float" else number
 
     def value(self, argument: Any) -> Any:
         """What was given, as the function takes it: in SI, names one by one, values by their names."""

@@ -109,14 +109,12 @@ def listing(items: Iterable[object], limit: int = 8) -> str:
     return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"
 
 
-Subject = TypeVar("Subject")
-Further = ParamSpec("Further")
+Given = TypeVar("Given")
 Found = TypeVar("Found")
+P = ParamSpec("P")
 
 
-def remembered(
-    function: Callable[Concatenate[Subject, Further], Found],
-) -> Callable[Concatenate[Subject, Further], Found]:
+def remembered(function: Callable[Concatenate[Given, P], Found]) -> Callable[Concatenate[Given, P], Found]:
     """A function of an immutable object that is called once for each, and for each of its further arguments.
 
     An array that it returns cannot be written to. No pickle of the object has the results, which must not refer to it.
@@ -127,16 +125,15 @@ def remembered(
     >>> ohms(coil) is ohms(coil), ohms(coil, 3).size
     (True, 3)
     """
-    results: WeakKeyDictionary[Subject, dict[Hashable, Found]] = WeakKeyDictionary()
+    results: WeakKeyDictionary[Given, dict[Hashable, Found]] = WeakKeyDictionary()
 
     @wraps(function)
-    def once(subject: Subject, /, *further: Further.args, **named: Further.kwargs) -> Found:
-        made, key = results.setdefault(subject, {}), (*further, *named.items())
+    def once(subject: Given, /, *arguments: P.args, **named: P.kwargs) -> Found:
+        made, key = results.setdefault(subject, {}), (*arguments, *named.items())
         if key not in made:
-            result = function(subject, *further, **named)
+            made[key] = result = function(subject, *arguments, **named)
             if isinstance(result, np.ndarray):
                 result.flags.writeable = False
-            made[key] = result
         return made[key]
 
     return once
@@ -150,8 +147,7 @@ if TYPE_CHECKING:
 def lines_of(text: str) -> Iterator[str]:
     """The lines of a template that has been filled."""
     for paragraph in re.split(r"\n[ \t]*\n", text):
-        line = re.sub(r"[ \t\n]+", " ", paragraph.strip(" \t\n"))
-        if line:
+        if line := re.sub(r"[ \t\n]+", " ", paragraph.strip(" \t\n")):
             depth = len(line) - len(line.lstrip(">"))
             yield 2 * depth * " " + re.sub(r" ([.,;:])(?=\s|$)", r"\1", line[depth:].strip(" ")).replace("\xa0", " ")
 

@@ -72,9 +72,9 @@ class FoundNoise:
 
 def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:
     """The model with the noises that a record showed; what the record could not tell stays."""
-    known = [estimate for estimate in noise.estimates if estimate.known]
-    process = {estimate.name: estimate.value for estimate in known if not estimate.of_sensor}
-    sensors = {estimate.name: estimate.value for estimate in known if estimate.of_sensor}
+    estimates = [estimate for estimate in noise.estimates if estimate.known]
+    process = {estimate.name: estimate.value for estimate in estimates if not estimate.of_sensor}
+    sensors = {estimate.name: estimate.value for estimate in estimates if estimate.of_sensor}
 
     def changed(quiet: ActuatorModel) -> ActuatorModel:
         white = {  # what is left of the noise beside the converter's rounding
@@ -173,7 +173,7 @@ def _windows(run: OneFilter) -> Stretches | None:
     outputs = np.stack([process.gradient(name, predicted) for name in names], axis=1)
     innovation = np.where(np.isfinite(replayed.innovation[flat]), prepared.readings[flat] - expected, np.nan)
     parts = (innovation, slope, outputs, mean - predicted)
-    innovation, slope, outputs, shift = (part.reshape(*chosen.shape, *part.shape[1:]) for part in parts)
+    innovation, slope, outputs, shift = (values.reshape(*chosen.shape, *values.shape[1:]) for values in parts)
     return Stretches(innovation, slope, outputs, shift, forgotten)
 
 
@@ -189,9 +189,9 @@ def _sources(run: OneFilter) -> list[Source]:
     if process.inputs:
         volts = float(np.sqrt(np.mean(np.square(run.noise.voltage_V))))  # rms over several drivers
         sources.append(Source("voltage", "V", volts, motion[1], silent, of_sensor=False))
-    for output, own in zip(process.outputs, np.eye(len(silent)), strict=True):
+    for output, place in zip(process.outputs, np.eye(len(silent)), strict=True):
         deviation = output.variance**0.5
-        sources.append(Source(output.name, output.unit, deviation, motion[2], own * output.variance, of_sensor=True))
+        sources.append(Source(output.name, output.unit, deviation, motion[2], place * output.variance, of_sensor=True))
     return sources
 
 

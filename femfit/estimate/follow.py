@@ -230,9 +230,9 @@ def followed(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
 
     It needs a command, and a current, distance or Hall voltage.
     """
-    names, given = model.circuit_names, set(series.given)
-    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & given
-    complete = model.motion is not None and set(voltage_columns(names)) <= given
+    names, columns = model.circuit_names, set(series.given)
+    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & columns
+    complete = model.motion is not None and set(voltage_columns(names)) <= columns
     if not (complete and read and (names or not model.has_winding)):
         return None
     try:
@@ -257,14 +257,14 @@ def follow(
     noise = replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
     model, box, recorded = prepared.model, prepared.model.validity, prepared.recorded
     read, distance = {sensor.column for sensor in prepared.sensors}, recorded.get("distance_m")
-    known = "distance_m" not in read and distance is not None and np.isfinite(distance[prepared.begins]).all()
+    starts_recorded = "distance_m" not in read and distance is not None and np.isfinite(distance[prepared.begins]).all()
     built = kalman_filter(
         model,
         kind,
         sensors=prepared.names,
         biases=chosen,
         noise=noise,
-        first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
+        first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if starts_recorded else None,
     )
     resting = built
     if prepared.resting is not None:  # of a body that stands still: the current flows as in a body that nothing moves

@@ -1,8 +1,8 @@
 """The currents at which the magnetic force balances weight, springs and load.
 
-One current is a root of the force. With several there are infinitely many: the ones taken lie nearest to a bias, the
-heat of each deviation counted, R (i - b)^2. About the bias they move along the direction in which the least heat gives
-the most force, which is the differential one of a symmetric bearing.
+One circuit has one such current where the force grows with it. Several have infinitely many: the ones taken lie nearest
+to a bias, the heat of each deviation counted, R (i - b)^2. About the bias they move along the direction in which the
+least heat gives the most force, which is the differential one of a symmetric bearing.
 
 References
 ----------
@@ -11,7 +11,6 @@ bias current of half the largest one.
 """
 
 import numpy as np
-from scipy.optimize import brentq
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
@@ -55,10 +54,11 @@ def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray |
     """
     if not model.require_circuits():
         return np.zeros(0)
-    if len(model.circuits) == 1:
-        return np.array([holding_current(model, distance)])
     needed, limits = float(model.require_motion().static_force(np.asarray(distance))), model.validity.current_limits_A
+    several = len(model.circuits) > 1
+    limits = limits if several else np.array([model.attracting_range(*limits[0].tolist())])
     bias = bias_currents(model, distance) if bias_A is None else np.asarray(bias_A, dtype=np.float64)
+    bias = bias if several else np.clip(bias, *limits.T)
     model.validity.require(np.asarray(distance), bias)
     currents = nearest_currents(model, np.array([distance]), np.array([needed]), bias, limits)[0]
     scale = max(abs(needed), float(np.abs(model.magnetics.force(*model.validity.grid(5, 3))).max()))
@@ -68,11 +68,12 @@ def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray |
     ranges = ", ".join(
         f"{low:g}..{high:g} A of {name}" for name, (low, high) in zip(model.circuit_names, limits, strict=True)
     )
+    about = ", ".join(f"{current:g} A" for current in bias)
     raise DomainError(
         f"A body of {1e3 * model.require_motion().mass_kg:g} g must be held at {1e3 * distance:g} mm by currents "
-        f"within {ranges}, where the model was fitted, about a bias of "
-        f"{', '.join(f'{current:g} A' for current in bias)}; "
-        f"the force comes to {needed - missing:g} N of {needed:g} N. Choose another distance, or sweep wider."
+        f"within {ranges}, where the model was fitted{f', about a bias of {about}' if several else ''}; the force "
+        f"comes to {needed - missing:g} N of the {needed:g} N of weight, springs and load. Choose another distance, or "
+        "sweep wider."
     )
 
 
@@ -202,24 +203,3 @@ def bias_currents(model: ActuatorModel, distance: float) -> FloatArray:
     if strength[0] >= HARDLY_MOVES * strength.max():
         return np.asarray(middle)
     return np.asarray(middle + 0.25 * widths)
-
-
-def holding_current(model: ActuatorModel, distance: float) -> float:
-    """The same of one circuit."""
-    motion, box = model.require_motion(), model.validity
-    box.require(np.asarray(distance), box.current_limits_A[:, 0])
-    needed = float(motion.static_force(np.asarray(distance)))
-    against = "weight, springs and load" if motion.springs or motion.load_N else "a weight"
-
-    def force(current: float) -> float:
-        return float(model.magnetics.force(np.asarray(distance), np.array([current])))
-
-    lower, upper = model.attracting_range(box.current_min_A, box.current_max_A)
-    if not min(force(lower), force(upper)) <= needed <= max(force(lower), force(upper)):
-        raise DomainError(
-            f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
-            f"{box.current_min_A:g}..{box.current_max_A:g} A, where the model was fitted; its forces there are "
-            f"{force(lower):g} to {force(upper):g} N against {against} of {needed:g} N. Choose another distance or "
-            "sweep wider."
-        )
-    return float(brentq(lambda current: force(current) - needed, lower, upper, xtol=1e-300))

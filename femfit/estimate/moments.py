@@ -51,8 +51,8 @@ class ExtendedFilter(Filter):
         cross = of.product(covariance, of.turned(slope))
         variance = of.product(slope, cross) + noise
         gain, innovation = cross / variance, reading - of.read(sensor, mean)
-        kept = of.unit - of.product(gain, slope)
-        covariance = of.product(of.product(kept, covariance), of.turned(kept))
+        remainder = of.unit - of.product(gain, slope)
+        covariance = of.product(of.product(remainder, covariance), of.turned(remainder))
         covariance = covariance + noise * of.product(gain, of.turned(gain))
         return mean + gain * innovation, 0.5 * (covariance + of.turned(covariance)), innovation, variance
 
@@ -72,8 +72,8 @@ class UnscentedFilter(Filter):
         The points lie as far out as without eddy currents: with many they would leave the model's distances.
         """
         order = self.process.order
-        others = order - (self.process.model.eddy.count if self.process.model.eddy else 0)
-        return sqrt(others), 0.5 / others, 2.0 - others / order
+        without_eddies = order - (self.process.model.eddy.count if self.process.model.eddy else 0)
+        return sqrt(without_eddies), 0.5 / without_eddies, 2.0 - without_eddies / order
 
     def predicted(self, of: Terms, mean: Any, factor: Any, inputs: Any) -> tuple[Any, Any]:
         """Mean and covariance of the points one sample later, eqs. (21) to (24)."""
@@ -94,14 +94,14 @@ class UnscentedFilter(Filter):
         6.3.3), which no rounding makes indefinite.
         """
         (mean, _, factor), (spread, weight, shift_weight), half = before, self.scaling, self.process.order
-        seen = of.read(sensor, self._drawn(of, mean, factor))
-        delta = seen[:, 1:] - seen[:, :1]
+        readings = of.read(sensor, self._drawn(of, mean, factor))
+        delta = readings[:, 1:] - readings[:, :1]
         across, both = weight * spread * (delta[:, :half] - delta[:, half:]), delta[:, :half] + delta[:, half:]
         shift = weight * of.total(both)
         rest = 0.5 * weight * of.product(both, of.turned(both)) + shift_weight * shift * shift + noise
         variance, cross = of.product(across, of.turned(across)) + rest, of.product(factor, of.turned(across))
         root = factor - of.product(cross / (variance + (variance * rest) ** 0.5), across)
-        innovation = reading - (seen[:, :1] + shift)
+        innovation = reading - (readings[:, :1] + shift)
         return mean + cross * (innovation / variance), of.product(root, of.turned(root)), innovation, variance
 
     def _drawn(self, of: Terms, mean: Any, factor: Any) -> Any:

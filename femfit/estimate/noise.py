@@ -136,7 +136,7 @@ def default_noise(model: ActuatorModel, distance: float | None = None) -> Filter
         error = model.misfit.force_rms_N if share is None or not weight else share * weight
     recorded = model.process_noise or ProcessNoise()
     density, volts = recorded.acceleration_density, recorded.voltage_V
-    errors = tuple(DRIVER_ERROR * max(abs(one.voltage_min_V), abs(one.voltage_max_V)) for one in circuits)
+    errors = tuple(DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)) for circuit in circuits)
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
         voltage_V=(errors[0] if len(errors) == 1 else errors) if volts is None else volts,

@@ -166,10 +166,10 @@ def _told_by_estimate(run: OneFilter) -> list[Finding]:
     model, mean, deviation, findings = run.prepared.model, run.replayed.mean, run.replayed.deviation, []
     box, samples = model.validity, len(mean)
     if "distance_m" not in run.prepared.recorded and run.trusted:
-        known = deviation[:, 0] <= AT_STOP * (box.distance_max_m - box.distance_min_m)
+        certain = deviation[:, 0] <= AT_STOP * (box.distance_max_m - box.distance_min_m)
         for side, stop in zip(("near", "far"), model.require_motion().ends, strict=True):
             resting = (
-                known & (np.abs(mean[:, 0] - stop) <= deviation[:, 0]) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
+                certain & (np.abs(mean[:, 0] - stop) <= deviation[:, 0]) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
             )
             if resting.any():
                 share = 100.0 * float(resting.mean())

@@ -62,7 +62,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     commands = voltage_columns(model.circuit_names)
     model.require_circuits()
     # What was left out of the record, which may be what is missing
-    left_out = " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
+    left_out = " ".join(str(remark) for remark in series.findings if remark.code in {"unused-column", "stuck"})
     lacking = [name for name in commands if name not in series.given]
     if lacking:
         remedy = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
@@ -97,7 +97,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     inputs[begins] = held[begins]
     read = [sensor_readings(series, reading, begins, step) for reading in chosen]
     noises = [_noise(series, values, reading) for (values, _), reading in zip(read, chosen, strict=True)]
-    findings += [told for _, of_channel in [*read, *noises] for told in of_channel]
+    findings += [remark for _, of_channel in [*read, *noises] for remark in of_channel]
     # An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there
     placed_by_sensor = any(isinstance(sensor_named(model, name), PositionSensor) for name in names)
     rests, track, noise_m = checked.rests, checked.track, checked.track.noise_m
@@ -131,12 +131,12 @@ def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorM
     """The model with a sensor for each recorded current or distance that none of its own reads."""
     drawn, circuits = sensors_of(model), model.circuit_names
     read = {reading_of(model, name).column for name in drawn}
-    own: dict[str, OtherSensor] = {
+    sensors: dict[str, OtherSensor] = {
         column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit)
         for column, circuit in zip(circuit_currents(circuits), circuits, strict=True)
     }
-    own["distance_m"] = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
-    wanted = {column: sensor for column, sensor in own.items() if column in series.given and column not in read}
+    sensors["distance_m"] = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+    wanted = {column: sensor for column, sensor in sensors.items() if column in series.given and column not in read}
     added = [sensor for sensor in wanted.values() if sensor.name not in drawn]
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
@@ -150,8 +150,8 @@ def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:
     """Declared with the record, else the model's, else guessed from third differences, and no less than a rounding."""
     name = str(reading.column)
-    if known := float(series.declared_noise.get(name) or reading.white):
-        return known, []
+    if declared := float(series.declared_noise.get(name) or reading.white):
+        return declared, []
     read = np.isfinite(column)  # where a sensor is read more slowly than the record, what is between is missing
     spread = white_noise(column[read], series.rows["segment"].to_numpy()[read], least=1)
     guess = float(np.fmax(spread, converter_step(column) / 12.0**0.5))

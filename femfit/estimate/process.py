@@ -144,9 +144,9 @@ class FilterProcess:
 
     def begun(self, first: SX) -> SX:
         """All states of a body that was at rest before, from its first states, of which the last may be left out."""
-        known = ca.vertcat(first, SX.zeros(self.base - first.numel()))
-        samples = [(sampled(self.model, output.name, known), len(output.weights) - 1) for output in self.outputs]
-        return ca.vertcat(known, *(ca.repmat(value, count) for value, count in samples if count))
+        states = ca.vertcat(first, SX.zeros(self.base - first.numel()))
+        samples = [(sampled(self.model, output.name, states), len(output.weights) - 1) for output in self.outputs]
+        return ca.vertcat(states, *(ca.repmat(value, count) for value, count in samples if count))
 
     def first_estimate(self, first: FloatArray) -> FloatArray:
         """A first estimate (..., n) of a body that was at rest before; states that are left out at the end are zero."""
@@ -180,7 +180,7 @@ class FilterProcess:
             values = self._values(self.step(first=first, slopes=True), states, inputs)
             states, columns = np.split(values, [self.order], axis=1)
             slopes.append(columns.reshape(len(states), self.order, self.order).swapaxes(1, 2))
-        return states, reduce(lambda before, own: own @ before, slopes)
+        return states, reduce(lambda before, slope: slope @ before, slopes)
 
     def measure(self, name: str, states: FloatArray) -> FloatArray:
         """Readings (N,) of a sensor in states (N, n)."""

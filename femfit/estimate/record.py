@@ -186,14 +186,14 @@ def sensor_readings(
 
 def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
     """The record with ``distance_m`` where it has none and a position sensor of the model tells it; its noise too."""
-    told = [
+    position_sensors = [
         (sensor, reading)
         for sensor in model.other_sensors
         if isinstance(sensor, PositionSensor) and (reading := reading_of(model, sensor.name)).column in series.given
     ]
-    if "distance_m" in series.given or not told:
+    if "distance_m" in series.given or not position_sensors:
         return series
-    sensor, reading = told[0]
+    sensor, reading = position_sensors[0]
     readings, passed = undelayed_readings(series, reading)
     distance, noise = distance_of(sensor, readings), dict(series.declared_noise)
     slope = np.abs(piece_of(sensor, distance[np.isfinite(distance)])[2])
@@ -266,5 +266,5 @@ def converter_step(values: FloatArray) -> float:
     gaps = gaps[gaps > ROUNDING * np.abs(levels).max(initial=0.0)]
     step = gaps.min(initial=np.inf)
     near = gaps[gaps < NEAR_STEPS * step] / step
-    known = np.count_nonzero(near > 1.5) >= LEAST_GAPS or (len(gaps) > 0 and 2 < len(levels) < 0.7 * counts.sum())
-    return float(step) if known and np.all(np.abs(near - np.round(near)) < WHOLE_STEPS) else 0.0
+    stepped = np.count_nonzero(near > 1.5) >= LEAST_GAPS or (len(gaps) > 0 and 2 < len(levels) < 0.7 * counts.sum())
+    return float(step) if stepped and np.all(np.abs(near - np.round(near)) < WHOLE_STEPS) else 0.0

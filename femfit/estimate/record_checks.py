@@ -108,8 +108,8 @@ def check_record(model: ActuatorModel, series: TimeSeries, added: BoolArray | No
     volts = rows.reindex(columns=voltage_columns(model.circuit_names)).to_numpy(dtype=np.float64, copy=True)
     unsure, findings = np.zeros(volts.shape, dtype=bool), [*suspect_record(model, series), *rests.findings]
     for k, commands in enumerate(volts.T):
-        volts[:, k], unsure[:, k], told = given_voltage(model, track, commands, k)
-        findings += told
+        volts[:, k], unsure[:, k], remarks = given_voltage(model, track, commands, k)
+        findings += remarks
     return CheckedRecord(track, rests, volts, unsure, tuple(findings))
 
 

@@ -154,8 +154,8 @@ def _unbalanced(model: ActuatorModel, track: Track, rows: slice, noise: float) -
         mean = bump / bump.sum()
         curved = 12.0 * (s**2 - np.mean(s**2))  # an even function's best line is its mean
         curved /= 0.5 * (curved @ s**2) * (0.5 * length) ** 2  # exactly 1 for t^2 / 2
-        whole, least_cut, most_cut = (values[: cut[0] * size].reshape(cut) for values in (distance, least, most))
-        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(whole @ curved))))
+        distances, least_cut, most_cut = (values[: cut[0] * size].reshape(cut) for values in (distance, least, most))
+        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(distances @ curved))))
         low, high = least_cut @ mean / motion.mass_kg, most_cut @ mean / motion.mass_kg
         if np.any((low > DECISIVE * spread) | (high < -DECISIVE * spread)):
             return True

@@ -98,7 +98,7 @@ def step_function(filter_: "Filter", *, compact: bool = False, floor: float = 0.
     plain = all(function.is_a("SXFunction") for function in (*moves, *looks))  # then slopes are, of the same rows
     symbol: Any = ca.SX if plain and count < MOST_WRITTEN and not (compact and unscented) else ca.MX
     shapes = (("x", n), ("L", n, n), ("u", process.inputs), ("y", m), ("R", m))
-    x, factor, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
+    x, factor, u, y, r = symbols = [symbol.sym(*shape) for shape in shapes]
 
     def moved(points: Any, u: Any) -> Any:
         columns = ca.horzsplit(points)
@@ -135,10 +135,10 @@ def step_function(filter_: "Filter", *, compact: bool = False, floor: float = 0.
         mean, covariance, innovation, variance = filter_.corrected(terms, k, before, y[k], r[k])
         innovations.append(innovation)
         variances.append(variance)
-    whole = ca.tril2symm(ca.tril(covariance)) if symbol is ca.SX else covariance
-    parts = [whole, _factor(covariance, floor), mean, predicted, *innovations, *variances]
-    output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
-    return ca.Function("f", given, [ca.cse(output) if symbol is ca.SX else output])
+    symmetric = ca.tril2symm(ca.tril(covariance)) if symbol is ca.SX else covariance
+    parts = [symmetric, _factor(covariance, floor), mean, predicted, *innovations, *variances]
+    output = ca.vertcat(*(ca.vec(ca.densify(output_part)) for output_part in parts))
+    return ca.Function("f", symbols, [ca.cse(output) if symbol is ca.SX else output])
 
 
 def _factor(covariance: Any, floor: float) -> Any:

@@ -174,8 +174,7 @@ def _solver_error(problem: "NonlinearSystem", state: FloatArray, currents: Float
     gradient = problem.evaluate(state, currents).gradient
     correction = problem.solve(-gradient)
     change = problem.evaluate(state + RESOLVED * correction, currents).gradient - gradient
-    expected = inner(gradient, correction)
-    return abs(inner(change / RESOLVED + gradient, correction) / expected) if expected else 0.0
+    return abs(inner(change / RESOLVED + gradient, correction) / (inner(gradient, correction) or 1.0))
 
 
 def _steps_left(before: float, residual: float, tolerance: float) -> float:

@@ -137,9 +137,9 @@ class Integrator:
 
         What the coil brought is what neither the reference nor the known beginning did.
         """
-        known = 0.0 if math.isnan(self.initial_field) else self.initial_field
+        initial = 0.0 if math.isnan(self.initial_field) else self.initial_field
         out[0], out[1], out[2] = field[0], variance, offset
-        out[5], out[6:] = field[0] - field[1] - known * (1.0 - field[2]), field[1:]
+        out[5], out[6:] = field[0] - field[1] - initial * (1.0 - field[2]), field[1:]
 
     def _predict(self, state: IntegratorState, samples: FloatArray, out: FloatArray) -> IntegratorState:
         """Write down every sample since the last correction; the state at the last one."""

@@ -19,7 +19,7 @@ from femfit.core.numerics import GRAVITY
 from femfit.core.text import counted
 from femfit.device.load import actuator_from_record
 from femfit.device.parts import Actuator
-from femfit.estimate.holding import holding_current
+from femfit.estimate.holding import holding_currents
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.heat.find_temperatures import Temperatures
@@ -171,7 +171,7 @@ def picture_point(content: ReportContent, actuator: Actuator, rows: FitRows) -> 
     if hangs(actuator, rows) and content.model.motion is not None:
         distances = actuator.reference_distances_m or (float(np.median(rows.distances)),)
         try:
-            return distances[0], holding_current(content.model, distances[0])
+            return distances[0], holding_currents(content.model, distances[0])[0]
         except DomainError:
             pass
     return strongest_point(actuator)

@@ -175,9 +175,9 @@ def limited(model: ActuatorModel, estimate: FloatArray, command: FloatArray) -> 
     distance = np.clip(estimate[:, 0], box.distance_min_m, box.distance_max_m)
     currents = np.clip(estimate[:, 2:], *box.current_limits_A[: command.shape[1]].T)
     volts, inductance = voltages_needed(model, distance, estimate[:, 1], currents)
-    own = np.einsum("rkk->rk", inductance) / model.sample_time_s
+    reach_V = np.einsum("rkk->rk", inductance) / model.sample_time_s
     ends = [
-        np.where(amplified, limit, volts + own * (end - currents))
+        np.where(amplified, limit, volts + reach_V * (end - currents))
         for limit, end in zip((low, high), covered_currents(model), strict=True)
     ]
     return np.clip(np.clip(command, ends[0], ends[1]), low, high)

@@ -49,15 +49,6 @@ class Event:
     circuit: str = ""  # Which of several it happens to
 
 
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """Motion without events."""
-
-    end_s: float
-    mode: Mode
-    solution: OdeSolution
-
-
 Reading = Callable[[float, FloatArray], float]
 """A number at a time and a state."""
 
@@ -83,7 +74,7 @@ def entry(k: int) -> Reading:
 
 
 class Walk:
-    """A motion from a state at rest: its stretches and events so far, and the last state.
+    """A motion from a state at rest: its stretches without events, its events so far, and the last state.
 
     Behind its own states the state has the energies that have gone. ``left_domain`` says which ranges (distance,
     current, current_NAME) were left, and when; what comes after is extrapolated, or none.
@@ -95,7 +86,7 @@ class Walk:
         self.state = self.first.copy()
         turns = {turn for driver in system.drivers for turn in driver.commanded.turns_s.tolist()}
         self.turns = [*sorted(turn for turn in turns if 0.0 < turn < duration), duration]
-        self.stretches: list[Stretch] = []
+        self.stretches: list[tuple[Mode, OdeSolution]] = []
         self.events: list[Event] = []
         self.left_domain: dict[str, float] = {}
         self.longest_step = np.inf
@@ -123,7 +114,7 @@ class Walk:
         watches = [*self._of_body(), *self._of_domain(), *self._of_circuits()]
         solution = self._integrated(turn, watches)
         self.state, self.time = solution.y[:, -1].copy(), float(solution.t[-1])
-        self.stretches.append(Stretch(self.time, self.mode, solution.sol))
+        self.stretches.append((self.mode, solution.sol))
         self.longest_step = np.inf
         occurred = [watch for watch, times in zip(watches, solution.t_events, strict=True) if len(times)]
         for watch in occurred:
@@ -174,8 +165,8 @@ class Walk:
             if stop.stiffness_N_per_m is None:
                 yield Watch(entry(0), level, -away, partial(self._hit, side))
             elif mode.touching == side:  # a body that rises by less is not said to leave
-                left = partial(self._touch, side, touching=False)
-                yield Watch(entry(0), level + away * system.least_rebound_m, away, left)
+                leaves = partial(self._touch, side, touching=False)
+                yield Watch(entry(0), level + away * system.least_rebound_m, away, leaves)
             else:
                 yield Watch(entry(0), level, -away, partial(self._touch, side, touching=True))
         if system.mechanics.coulomb_N:

@@ -9,7 +9,7 @@ How far a simulation of several parts is: a callable that is told the part, the 
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.estimate.constants import AT_STOP
+from femfit.estimate.filter_state import FilterState
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import limits_of
 from femfit.simulation.controllers import Controller
@@ -145,16 +147,15 @@ def run_loop(
             show(k + supported_steps, steps + supported_steps)
         if k < 0:
             continue
-        estimate = observed.mean[:, : 2 + n]
-        alive = watch.alive(k * step, state, estimate, observed.diverged, touched)
+        estimate, reference = observed.mean[:, : 2 + n], loop.reference.at(k)
+        alive = watch.alive(k * step, state, observed, touched, reference.distance)
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
         belief = np.where(alive[:, None], estimate, start)
-        reference = loop.reference.at(k)
         answers = [
             controller.command(memory, belief[which], reference)
             for memory, (controller, which) in zip(memories, controlled, strict=True)
         ]
-        command, memories = np.concatenate([given for given, _ in answers]), [memory for _, memory in answers]
+        command, memories = np.concatenate([commands for commands, _ in answers]), [memory for _, memory in answers]
         on_their_way.append(command)
         squared = observed.normalised_innovation_squared
         read = np.isfinite(observed.innovation_variance).reshape(runs, -1).sum(axis=1)
@@ -197,29 +198,32 @@ class _Watch:
     def __init__(self, model: ActuatorModel, runs: int) -> None:
         self._box, self._ends, self._circuits = model.validity, model.require_motion().ends, len(model.circuits)
         self._outcome, self._when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
-        self._lifted, self._met = np.zeros(runs, dtype=np.bool_), [np.zeros(runs, dtype=np.bool_)]
+        self._lifted, self._met = np.zeros(runs, dtype=np.bool_), np.zeros((2, runs), dtype=np.bool_)
 
     def alive(
-        self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray, touched: BoolArray
+        self, time: float, state: FloatArray, observed: FilterState, touched: BoolArray, reference: FloatArray
     ) -> BoolArray:
         """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named.
 
-        Bodies that met a stop since the sample before are lost, but for those that have not left the one where they
-        began.
+        Bodies that met a stop since the sample before are lost, but for those that the reference seats there, and those
+        that have not left the one where they began or were seated.
         """
         box, distance, currents = self._box, state[:, 0], state[:, 2 : 2 + self._circuits]
         low, high, (near, far) = box.distance_min_m, box.distance_max_m, self._ends
-        known = box.contains(distance, currents)  # to rounding, as of a body on a stop at the domain's end
-        if not known.all() or diverged.any():
+        inside = box.contains(distance, currents)  # to rounding, as of a body on a stop at the domain's end
+        if not inside.all() or observed.diverged.any():
             covered = box.contains(np.full(len(distance), 0.5 * (low + high)), currents)
-            self._name([~known & ~(distance >= low), ~known & (distance > high), ~covered, diverged], time)
-        self._met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
-        apart = LIFTED * (high - low)
+            self._name([~inside & ~(distance >= low), ~inside & (distance > high), ~covered, observed.diverged], time)
+        met = np.stack([(distance <= near) | touched[0], (distance >= far) | touched[1]])
+        seated = met & (np.abs(reference - np.array([[near], [far]])) <= AT_STOP * (high - low))
+        self._met, apart = met & ~seated, LIFTED * (high - low)
+        self._lifted &= ~seated.any(axis=0)
         self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
-        self._name([met & self._lifted for met in self._met], time)
-        return np.asarray(known & np.isfinite(estimate).all(axis=1) & ~np.isin(self._outcome, _LOST[:2]))
+        self._name(self._met & self._lifted, time)
+        finite = np.isfinite(observed.mean[:, : 2 + self._circuits]).all(axis=1)
+        return np.asarray(inside & finite & ~np.isin(self._outcome, _LOST[:2]))
 
-    def _name(self, lost: list[BoolArray], time: float) -> None:
+    def _name(self, lost: Iterable[BoolArray], time: float) -> None:
         """Runs that are lost by these outcomes in their order; the first name of a run stays."""
         for outcome, runs in zip(_LOST, lost, strict=False):
             fresh = runs & (self._outcome == _HELD)
@@ -227,7 +231,7 @@ class _Watch:
 
     def end(self) -> tuple[IntArray, FloatArray]:
         """Outcomes and times; a body that never left the stop where it began was not held, from the first sample on."""
-        self._name([met & ~self._lifted for met in self._met], 0.0)
+        self._name(self._met & ~self._lifted, 0.0)
         return self._outcome, self._when
 
 

@@ -151,13 +151,13 @@ def _table(system: System, walk: Walk, step: float, notes: list[str]) -> dict[st
     time[-1] = min(time[-1], walk.time)
     circuits, names = len(model.circuits), model.circuit_names
     states, volts = np.empty((len(walk.state), len(time))), np.empty((circuits, len(time)))
-    ends = [stretch.end_s for stretch in walk.stretches]
+    ends = [float(solution.t_max) for _, solution in walk.stretches]
     which = np.minimum(np.searchsorted(ends, time, side="right"), len(ends) - 1)
     for k in np.unique(which):
-        rows, stretch = which == k, walk.stretches[k]
-        states[:, rows] = stretch.solution(time[rows])
+        rows, (mode, solution) = which == k, walk.stretches[k]
+        states[:, rows] = solution(time[rows])
         pairs = zip(time[rows], states[:, rows].T, strict=True)
-        volts[:, rows] = np.array([system.voltages(stretch.mode, at_s, state) for at_s, state in pairs]).T
+        volts[:, rows] = np.array([system.voltages(mode, at_s, state) for at_s, state in pairs]).T
     d, i = states[0], states[2 : windings.end]
     flux = windings.magnetics.flux_linkage(d, i.T)[:, :circuits]
     motion = {

@@ -203,8 +203,8 @@ def commanded(
         "voltage_V (--voltage)": (voltage, "voltage"),
         "current_A (--current)": (current, "current"),
     }
-    for option, (given, kind) in given_by.items():
-        for name, value in _by_name(model, given, option).items():
+    for option, (commands, kind) in given_by.items():
+        for name, value in _by_name(model, commands, option).items():
             named[name] = value if isinstance(value, Profile) else Profile(kind, np.zeros(1), np.array([value]))
     profiles = [named.get(each.name) or Profile(each.drive.kind, np.zeros(1), np.zeros(1)) for each in circuits]
     for circuit, profile in zip(circuits, profiles, strict=True):
@@ -217,24 +217,24 @@ def commanded(
     return tuple(profiles)
 
 
-def _by_name(model: ActuatorModel, given: Any, option: str) -> Mapping[str, Any]:
+def _by_name(model: ActuatorModel, commands: Any, option: str) -> Mapping[str, Any]:
     """What is given for each circuit, by their names; one value is the only circuit's."""
     names = model.circuit_names
-    if given is None:
+    if commands is None:
         return {}
-    if not isinstance(given, Mapping):
+    if not isinstance(commands, Mapping):
         if len(names) == 1:
-            return {names[0]: given}
+            return {names[0]: commands}
         raise UsageError(
             f"{option} must say for which of the circuits {', '.join(names)} it is; instead received one value. Give "
             f"it by their names, as --voltage {','.join(f'{name}=1' for name in names)}."
         )
-    if unknown := [name for name in given if name not in names]:
+    if unknown := [name for name in commands if name not in names]:
         raise UsageError(
             f"{option} must name circuits of model {model.name!r} ({', '.join(names)}); instead received "
             f"{', '.join(unknown)}. Use these names."
         )
-    return given
+    return commands
 
 
 CONDUCTING, BLOCKED, FOLLOWING, AT_MAX, AT_MIN = "conducting", "blocked", "following", "at_max", "at_min"

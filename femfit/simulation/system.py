@@ -79,9 +79,9 @@ def moment_function(model: ActuatorModel, driven: tuple[int, ...]) -> GraphFunct
 
     def made() -> GraphFunction:
         inputs = [SX.sym("x", model.order), SX.sym("given", n), SX.sym("drops", n), SX.sym("mode", MODE_NUMBERS)]
-        state, given, drops, mode = inputs
+        state, feeds, drops, mode = inputs
         held, friction, away, end, stiffness, damper = ca.vertsplit(mode)
-        rates, volts = model.equations.flow_at(state, given, driven)
+        rates, volts = model.equations.flow_at(state, feeds, driven)
         contact = away * ca.fmax(0.0, stiffness * (away * (end - state[0])) - damper * (away * state[1]))
         net = motion.mass_kg * rates[1] + contact
         velocity = ca.if_else(held, 0.0, state[1])
@@ -149,12 +149,12 @@ class System:
         drops : list of float
             Of the diodes that currents go on through, else 0; the source of such a one gives nothing.
         """
-        given = [
+        feeds = [
             driver.given(feed, time, current)
             for driver, feed, current in zip(self.drivers, mode.feeds, state[2:].tolist(), strict=False)
         ]
-        values = [value for value, _, _ in given]
-        driven = tuple([k for k, (_, is_rate, _) in enumerate(given) if is_rate])
+        values = [value for value, _, _ in feeds]
+        driven = tuple([k for k, (_, is_rate, _) in enumerate(feeds) if is_rate])
         limited = [k for k in driven if self.drivers[k].bandwidth]
         for _ in limited:  # an amplifier gives no more than its voltage, which the others then feel
             volts = self._solved(state, values, driven)
@@ -164,7 +164,7 @@ class System:
                 break
             values = [over.get(k, value) for k, value in enumerate(values)]
             driven = tuple([k for k in driven if k not in over])
-        return values, driven, [drop for _, _, drop in given]
+        return values, driven, [drop for _, _, drop in feeds]
 
     def voltages(self, mode: Mode, time: float, state: FloatArray) -> list[float]:
         """That the circuits' drivers give in a mode, in V."""
@@ -174,8 +174,8 @@ class System:
     def _solved(self, state: FloatArray, values: list[float], driven: tuple[int, ...]) -> list[float]:
         """The drivers' voltages where those of the circuits are given, and the currents' rates of those driven."""
         point = moment_function(self.model, driven).point
-        found = point(state[: self.model.order], values, [0.0] * len(values), [0.0] * MODE_NUMBERS)
-        return found[len(found) - len(values) :].tolist()
+        moment = point(state[: self.model.order], values, [0.0] * len(values), [0.0] * MODE_NUMBERS)
+        return moment[len(moment) - len(values) :].tolist()
 
     def conducts(self, mode: Mode, k: int, time: float, state: FloatArray) -> float:
         """Above zero where source or diode of a blocked circuit would drive a positive current, in V."""

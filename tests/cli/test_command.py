@@ -57,9 +57,12 @@ LASER = Keyword(
 )
 
 
-def test_a_default_is_said_in_the_unit_of_its_option():
+def test_default_and_limits_are_said_in_the_unit_of_an_option():
     assert get_args(STILL.parameter.annotation)[1].help == "Largest change of the distance. [default: 2.5]"
     assert STILL.value(2.5) == pytest.approx(STILL.default)
+    near = Keyword("gap_m", "gap-mm", "float > 0 and <= 0.5", "float", "Gap.", None)
+    (limits,) = get_args(near.parameter.annotation)[1].validator
+    assert (limits.gt, limits.lte) == (0.0, 500.0)
 
 
 def test_what_is_given_becomes_what_the_function_takes():

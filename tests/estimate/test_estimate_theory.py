@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from femfit.core.errors import DomainError
 from femfit.device.mechanics import Mechanics, Spring
 from femfit.estimate.filter import cholesky
-from femfit.estimate.holding import holding_current
+from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from femfit.estimate.noise import FilterNoise, consistency_band, default_noise, process_covariance, unstable_pole
@@ -58,15 +58,15 @@ def test_the_steady_filter_of_an_unstable_body_reaches_the_formula(rho):
 
 
 def test_the_body_is_held_where_force_equals_weight_and_nowhere_else(levitation_model):
-    current = holding_current(levitation_model, 0.025)
+    current = holding_currents(levitation_model, 0.025)[0]
     force = float(flat(levitation_model.magnetics).force(np.asarray(0.025), np.asarray(current)))
     assert force == pytest.approx(4.35e-3 * 9.80665, rel=1e-13)
     gradient = float(flat(levitation_model.magnetics).force_gradient(np.asarray(0.025), np.asarray(current)))
     assert unstable_pole(levitation_model, 0.025) == pytest.approx(np.sqrt(-gradient / 4.35e-3), rel=1e-12)
     with pytest.raises(DomainError, match="44 mm"):
-        holding_current(levitation_model, 0.044)
+        holding_currents(levitation_model, 0.044)[0]
     with pytest.raises(DomainError, match="60 mm"):
-        holding_current(levitation_model, 0.060)
+        holding_currents(levitation_model, 0.060)[0]
 
 
 def test_q_is_the_covariance_of_integrated_white_acceleration_and_of_held_voltages(levitation_model):
@@ -139,7 +139,7 @@ def test_errors_and_innovations_lie_in_their_bands_while_a_current_is_switched(l
     sigmas = np.linalg.cholesky(process_covariance(model, noise, 0.022))
     runs, steps, random = 40, 40, np.random.default_rng(4)
     filter_ = make(kalman_filter(model, hall_bias=False, noise=noise).process)
-    rest = np.array([0.022, 0.0, holding_current(model, 0.022)])
+    rest = np.array([0.022, 0.0, holding_currents(model, 0.022)[0]])
     truth = rest + random.normal(size=(runs, 3)) * (1e-4, 1e-3, 1e-3)
     state = filter_.start(np.tile(rest, (runs, 1)), initial_covariance(1e-4, 1e-3, 1e-3))
     nis = np.empty((steps, runs))
@@ -157,10 +157,10 @@ def test_errors_and_innovations_lie_in_their_bands_while_a_current_is_switched(l
 def test_a_body_is_held_by_currents_of_the_sign_that_attracts_more():
     sprung = solenoid(Mechanics(0.025, 0.0, springs=(Spring(200.0, 0.1, 4e-3),)))
     forwards, backwards = (under_effects(sprung, ("core_remanence", {"mmf": mmf})) for mmf in (0.3, -0.3))
-    assert holding_current(forwards, 1e-3) == pytest.approx(-holding_current(backwards, 1e-3), rel=1e-6)
+    assert holding_currents(forwards, 1e-3)[0] == pytest.approx(-holding_currents(backwards, 1e-3)[0], rel=1e-6)
     # Where the sign that adds to what the iron keeps holds alone
     heavy = replace(backwards, motion=replace(backwards.motion, load_N=15.0))
-    held = holding_current(heavy, 1e-3)
+    held = holding_currents(heavy, 1e-3)[0]
     assert held < backwards.weakest_current_A
     needed = heavy.motion.static_force(np.asarray(1e-3))
     assert heavy.force(1e-3, held) == pytest.approx(float(needed), rel=1e-9)

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from femfit.core.errors import DomainError
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
-from femfit.estimate.holding import bias_currents, holding_current, holding_currents
+from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import unstable_pole
 from femfit.fit.build import fit_model
@@ -62,7 +62,7 @@ def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
 
 
 def test_the_currents_that_hold_are_shared_by_the_halves(whole, halves):
-    alone = holding_current(whole, 0.024)
+    alone = holding_currents(whole, 0.024)[0]
     assert holding_currents(whole, 0.024).tolist() == [alone]
     np.testing.assert_allclose(holding_currents(halves, 0.024), [alone, alone], rtol=1e-9)
     assert unstable_pole(halves, 0.024) == pytest.approx(unstable_pole(whole, 0.024), rel=1e-9)

@@ -12,7 +12,7 @@ from femfit.core.numerics import GRAVITY
 from femfit.device.electrics import Drive, PositionSensor
 from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import BUILT_IN
-from femfit.estimate.holding import holding_current
+from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.model.with_effects import with_effects
@@ -240,7 +240,7 @@ def test_weight_springs_load_and_friction_act_on_plant_rest_and_inverse_alike(mo
     pushed = springs_and_load(0.023) - 0.02 * 0.1 - float(model.force(0.023, 0.5))
     assert acceleration == pytest.approx(9.80665 + pushed / 4.35e-3, rel=1e-12)
     needed = 4.35e-3 * 9.80665 + springs_and_load(0.025)
-    assert float(model.force(0.025, holding_current(model, 0.025))) == pytest.approx(needed, rel=1e-9)
+    assert float(model.force(0.025, holding_currents(model, 0.025)[0])) == pytest.approx(needed, rel=1e-9)
     driver = [added("driver_gain", gain_error=-0.1), added("supply_sag", inner_resistance=0.3)]
     for device in (model, with_effects(model, [*driver, added("driver_dead_zone", dead_zone=0.05), FRICTION[0]])):
         point = operating_point(device, 0.025)
@@ -258,7 +258,7 @@ def test_a_body_that_hangs_lies_or_stands_is_held_by_the_same_equations(levitati
     load = 4.35e-3 * (9.80665 - gravity)  # what a string pulls, so that all of them need the same force
     hanging = replace(levitation_model, misfit=None)
     model = replace(hanging, motion=Mechanics(4.35e-3, gravity, load_N=load))
-    assert holding_current(model, 0.024) == pytest.approx(holding_current(hanging, 0.024), rel=1e-12)
+    assert holding_currents(model, 0.024)[0] == pytest.approx(holding_currents(hanging, 0.024)[0], rel=1e-12)
     densities = [default_noise(device).acceleration_density for device in (model, hanging)]
     assert densities[0] == pytest.approx(densities[1], rel=1e-12)
     state = np.array([[0.0242, 0.0, operating_point(model, 0.024).currents_A[0]]])

@@ -1,7 +1,7 @@
 """Which controller a loop has, the study of all of them, and devices beyond one winding behind a bridge."""
 
 import json
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -31,6 +31,17 @@ def with_margins(monkeypatch, design, **each):
     }
     monkeypatch.setattr(LoopDesign, "margins", lambda _, name, __: (found[name],))
     return choose(design, "ukf4")
+
+
+def test_the_worst_margins_do_not_depend_on_their_order():
+    """An unstable point has no gain margins."""
+    points = [
+        Margins(True, 0.5, 2.0, 1.0, 1e-3, 0.4, 3.0, 9.0, 0.1),
+        Margins(False, np.nan, np.nan, 0.0, 0.0, 0.0, np.nan, -3.0, 0.2),
+    ]
+    first, second = worst_of(points), worst_of(points[::-1])
+    np.testing.assert_equal(astuple(first), astuple(second))
+    np.testing.assert_equal(astuple(first), (False, np.nan, np.nan, 0.0, 0.0, 0.0, np.nan, -3.0, 0.2))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Closed loops: what holds, what is lost and under which name, and why."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from femfit.simulation.close_loop import close_loop, run_loops
 from femfit.simulation.constants import UNCERTAIN
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance
-from femfit.simulation.loop import LoopOutcome
+from femfit.simulation.loop import LoopOutcome, _Watch
 from femfit.simulation.plant import with_force_scale
 from femfit.simulation.summary import series_table
 from support.closed_loop import run
@@ -48,6 +49,20 @@ def test_a_diverging_filter_is_named_and_says_what_to_do(design):
     result = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
     assert set(result.outcome.tolist()) == {LoopOutcome.FILTER_DIVERGED}
     assert np.isnan(result.estimate_rms_m).all()
+
+
+def test_a_body_that_its_reference_seats_on_a_stop_is_held_and_one_that_meets_it_on_its_way_is_not(design):
+    """The far stop lies where the reference ends, or where it never leads."""
+    box = design.model.validity
+    watch, open_space = _Watch(design.model, 1), np.zeros((2, 1), dtype=bool)
+    watch._ends = (box.distance_min_m, 0.03)
+    states = np.array([[[0.026, 0.0, 0.4]], [[0.03, 0.0, 0.4]]])
+    for state, reference in zip(states, (0.026, 0.03), strict=True):
+        observed = SimpleNamespace(mean=state, diverged=np.zeros(1, dtype=bool))
+        assert watch.alive(0.0, state, observed, open_space, np.array(reference)).all()
+    assert watch.alive(1.0, states[0], observed, open_space, np.array(0.026)).all()
+    assert not watch.alive(2.0, states[1], observed, open_space, np.array(0.026)).any()
+    assert watch.end()[0].tolist() == [LoopOutcome.FELL]
 
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
@@ -146,6 +161,7 @@ def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
         ({"targets_m": 0.02}, "targets_m must be a list of distances in m; instead received 0.02"),
         ({"targets_m": ("near",)}, "near"),
         ({"seconds": -1.0}, "seconds=-1"),
+        ({"latency": 1000}, "at most 100 .* received latency=1000"),
         ({"seconds": 1e12}, "fewer seconds"),
         ({"sensors": ("lidar",)}, "hall"),
     ],

@@ -1,6 +1,7 @@
 """The sensors of a loop read what filters are told; self-sensing in simulation is as good as its bound."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -105,7 +106,8 @@ def test_a_body_at_the_end_of_the_domain_is_held_to_rounding_and_time_begins_at_
     box, times, see = levitation_model.validity, [], SensorBank.see
     state = np.array([[box.distance_max_m * (1.0 + 1e-12), 0.0, 0.3]])
     watch = _Watch(levitation_model, 1)
-    assert watch.alive(0.0, state, state, np.zeros(1, dtype=bool), np.zeros((2, 1), dtype=bool)).all()
+    observed = SimpleNamespace(mean=state, diverged=np.zeros(1, dtype=bool))
+    assert watch.alive(0.0, state, observed, np.zeros((2, 1), dtype=bool), np.zeros(1)).all()
     monkeypatch.setattr(SensorBank, "see", lambda bank, state, time: (times.append(time), see(bank, state, time))[1])
     ff.close_loop(levitation_model, controller="pid", runs=1, seconds=2 * levitation_model.sample_time_s, rng=1)
     assert min(times) == 0.0
