@@ -189,8 +189,9 @@ def _text_record(path: Path) -> Record:
         content = content[: content.rfind(b"\n") + 1]
         content += b"\x00" * (len(content) % 2 and b"\x00" in content[:64])  # the other half of a UTF-16 line end
     text, encoding = decode(content, str(path))
-    layout = find_layout(text, str(path))
-    marked = (cell for line in layout.below for cell in line.cells if "," in cell and looks_numeric(cell))
+    lines = text.splitlines()
+    layout = find_layout(lines, str(path))
+    marked = (cell for _, cells in layout.rows(lines) for cell in cells if "," in cell and looks_numeric(cell))
     decimal = find_decimal(marked, str(path), ",")
     options: Any = {
         "encoding": encoding,
@@ -198,7 +199,7 @@ def _text_record(path: Path) -> Record:
         "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
         "decimal": decimal,
         "header": None,
-        "skiprows": min(layout.first - 1, layout.lines[-1].number),
+        "skiprows": layout.first - 1,
         "skipinitialspace": True,
         "na_values": sorted(EMPTY),
     }
