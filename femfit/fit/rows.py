@@ -184,8 +184,14 @@ def rows_of_table(
     distance, *currents = (snap_axis(columns[name]) if names else columns[name] for name in settings)
     _require_settings(distance, np.column_stack(currents))
     force, error, linked = columns["force_N"], columns["force_error_N"], [columns[name] for name in fluxes]
-    if names and not force.any():
+    if not force.any():
         raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
+    silent = [name for name, flux in zip(fluxes, linked, strict=True) if flux is not None and not flux.any()]
+    if silent:
+        raise TableError(
+            f"{silent[0]} is 0 in every row, and says nothing of the winding. Give the column of the flux linkage, with "
+            "currents other than 0; beside magnets alone leave it out."
+        )
     measured = FitRows(
         names=names,
         distance=distance,

@@ -2,6 +2,7 @@
 
 import codecs
 import csv
+import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -9,11 +10,13 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
 
+import pandas as pd
+
 from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.tables.findings import refused
 from femfit.tables.header import Likeness, parse_header, score
-from femfit.tables.raw_table import RawTable, check_width, find_decimal, looks_measured, looks_numeric
+from femfit.tables.raw_table import LARGEST, RawTable, check_width, find_decimal, looks_measured, looks_numeric
 from femfit.tables.units import CHANNELS, is_unit
 
 _DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
@@ -89,6 +92,12 @@ def parse_text(
     text, encoding = decode(content, source)
     lines = text.splitlines()
     layout = find_layout(lines, source, delimiter)
+    dialect = f"{encoding}, {_DELIMITERS.get(layout.delimiter, repr(layout.delimiter))}, decimal "
+    numbers = [number for number, line in enumerate(lines[layout.first - 1 :], layout.first) if line.strip()]
+    plain = None if decimal == "," or any("," in header for header in layout.headers) else _plain_numbers(lines, layout)
+    if plain is not None and len(plain) == len(numbers):
+        columns = [plain[k] for k in plain]
+        return RawTable(source, layout.headers, columns, numbers, f"{dialect}.", notes=layout.notes)
     body, notes = _readings(lines, layout)
     ragged = tuple(number for number, cells in body if len(cells) != layout.width)
     blank = ("",) * layout.width  # in place of cells that may be shifted, and stand in wrong columns
@@ -99,9 +108,19 @@ def parse_text(
         marked = (text for text in texts if "," in text or text.count(".") >= fewest)
         decimal = find_decimal(filter(looks_numeric, marked), source, open_decimal)
     cells = list(zip(*rows, strict=True)) if rows else [()] * layout.width
-    dialect = f"{encoding}, {_DELIMITERS.get(layout.delimiter, repr(layout.delimiter))}, decimal {decimal}"
     numbers, remarks = [number for number, _ in body], (*layout.notes, *notes)
-    return RawTable(source, layout.headers, cells, numbers, dialect, decimal, ragged, remarks)
+    return RawTable(source, layout.headers, cells, numbers, f"{dialect}{decimal}", decimal, ragged, remarks)
+
+
+def _plain_numbers(lines: Sequence[str], layout: Layout) -> pd.DataFrame | None:
+    """The readings where each cell is a finite number with a decimal point, as in most files; None in all others."""
+    body, blanks = "\n".join(lines[layout.first - 1 :]), r"\s+" if layout.delimiter == " " else layout.delimiter
+    try:
+        frame = pd.read_csv(io.StringIO(body), sep=blanks, header=None, skipinitialspace=True, low_memory=False)
+    except ValueError:  # no rows, or one that is longer than the first
+        return None
+    numeric = frame.shape[1] == layout.width and all(kind.kind in "if" for kind in frame.dtypes)
+    return frame if numeric and (frame.abs() < LARGEST).all(axis=None) else None
 
 
 def _readings(lines: Sequence[str], layout: Layout) -> tuple[list[tuple[int, tuple[str, ...]]], list[str]]:
