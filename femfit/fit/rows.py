@@ -14,8 +14,8 @@ from femfit.core.sweep_columns import current_columns, flux_columns, inductance_
 from femfit.core.text import counted
 from femfit.fit import constants
 from femfit.model.validity import ActuatorKind
+from femfit.tables.checks import suspected_units
 from femfit.tables.sweep_table import SweepTable, column_numbers, current_names, snap_axis
-from femfit.tables.units import suspected_by_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,7 @@ def rows_of_table(
             f"A fit needs the columns {', '.join(needed)}; {', '.join(missing)} missing. Sweep again, or import these "
             "columns."
         )
-    suspected = suspected_by_size(rows[["distance_m"]], solved=True)
+    suspected = suspected_units(rows[["distance_m"]], None, solved=True)
     if suspected:
         raise TableError(f"{suspected[0].text} Divide the column, or read it with femfit import --unit distance_m=mm.")
     distance, *currents = (snap_axis(columns[name]) if names else columns[name] for name in settings)
@@ -189,8 +189,8 @@ def rows_of_table(
     silent = [name for name, flux in zip(fluxes, linked, strict=True) if flux is not None and not flux.any()]
     if silent:
         raise TableError(
-            f"{silent[0]} is 0 in every row, and says nothing of the winding. Give the column of the flux linkage, with "
-            "currents other than 0; beside magnets alone leave it out."
+            f"{silent[0]} is 0 in every row, and says nothing of the winding. Give the column of the flux linkage, "
+            "with currents other than 0; beside magnets alone leave it out."
         )
     measured = FitRows(
         names=names,

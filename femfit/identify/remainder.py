@@ -36,7 +36,7 @@ from femfit.model.bspline import DistanceCoordinate, TensorSpline
 from femfit.model.carried import Carried, Curve, FieldTerm, bounded_basis
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
-from femfit.tables.measurement import CHANNEL_WORDS, Measurement
+from femfit.tables.measurement import Measurement, channel_words
 
 PRICE = 4.5
 """Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
@@ -64,7 +64,7 @@ NAME = "unexplained"
 COENERGY = "coenergy"
 READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
 PARTS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
-    name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
+    name: f"an error of the {channel_words(name)} over its own value" for name in READINGS
 }
 """What a remainder may change."""
 

@@ -34,10 +34,10 @@ from scipy.stats import norm
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding, listing
-from femfit.tables.checks import Check, Expected, changing
+from femfit.tables.checks import Check, Expected, changing, suspected_units
 from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import AXES, REQUIRED, SWEPT
-from femfit.tables.units import column_unit, suspected_by_size
+from femfit.tables.units import column_unit
 
 _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh
 _AGREEMENT = 0.95  # of the force change that must have one sign before it is called obvious
@@ -100,7 +100,7 @@ def rows_of(points: pd.DataFrame) -> str:
 
 def solved_sizes(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     """Sizes that no actuator has, and distances that do not count from its face; of what all depends on, errors."""
-    remarks = suspected_by_size(points[[name for name in SWEPT if name in points]], solved=True)
+    remarks = suspected_units(points[[name for name in SWEPT if name in points]], None, solved=True)
     findings = [replace(remark, severity="error") if remark.column in AXES else remark for remark in remarks]
     behind = points[points["distance_m"] <= 0]
     if len(behind):

@@ -157,9 +157,9 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     >>> print(ff.read_sweep("runs/rig"))
     50 points: 5 currents 0 to 1.4 A, 10 distances 15 to 45 mm
     """
+    from femfit.tables.checks import suspected_units  # noqa: PLC0415
     from femfit.tables.containers import parse_table  # noqa: PLC0415  pandas loads while a sweep's workers solve
     from femfit.tables.raw_table import file_content  # noqa: PLC0415
-    from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
     file = path_of(path, "A sweep table")
     if file.is_dir():
@@ -193,7 +193,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     wrong = [name for name in ("actuator", "versions") if not isinstance(manifest.get(name, {}), dict)]
     if wrong:
         raise TableError(f"{wrong[0]} in {manifest_file} must be a table of settings. Run the sweep or import again.")
-    suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(table.rows[["distance_m"]])
+    suspected = [] if manifest.get("kind") in KINDS else suspected_units(table.rows[["distance_m"]], None)
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
     folder = file.parent

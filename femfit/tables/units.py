@@ -1,8 +1,6 @@
 """What a column may hold, and in which unit: the registry of channels, units and their factors to SI.
 
 ``channels.toml`` and ``units.toml`` say what each field means.
-
-Numbers that no actuator has: the usual sign of a unit that was not named.
 """
 
 import math
@@ -13,9 +11,6 @@ from dataclasses import dataclass
 from importlib.resources import files
 from itertools import product
 from typing import Any
-
-import numpy as np
-import pandas as pd
 
 from femfit.core.results import Finding
 from femfit.core.text import quoted
@@ -147,12 +142,6 @@ def column_unit(column: str) -> tuple[str, str]:
     return (stem, "degC" if unit == "C" else unit) if stem else (column, "")
 
 
-_KELVIN = (200.0, 400.0)
-"""Assumed: temperatures between these are more likely kelvins than degrees."""
-
-_LARGEST_STEP_S = 0.5
-"""Assumed: a usual step of a record's clock above it is more likely milliseconds."""
-
 LEAST_READINGS = 8
 """Assumed: fewer readings are no ground for a suspicion."""
 
@@ -167,38 +156,6 @@ def common_factors(column: str) -> dict[str, float]:
 def suspicion(column: str, unit: str, why: str) -> Finding:
     """Say that a column seems to be in another unit than its name says: what a reader must know before any number."""
     return finding("suspected-unit", column=column, unit=unit, why=why)
-
-
-def suspected_by_size(rows: pd.DataFrame, _model: object = None, *, solved: bool = False) -> list[Finding]:
-    """Suspect the units of columns from the sizes of their numbers alone.
-
-    In a table that was computed (``solved``) one impossible number is enough: it is no outlier.
-    """
-    findings = []
-    for name in (str(name) for name in rows if common_factors(str(name))):
-        size = np.abs(rows[name].to_numpy(dtype=np.float64))
-        size, limit = size[np.isfinite(size)], CHANNELS[name]
-        unit, factor = next(iter(common_factors(name).items()))
-        beyond, median = size[size > limit.usual], float(np.median(size)) if len(size) else 0.0
-        within = size[(size <= limit.usual) & (size > 0.0)]
-        # A group of their own, half of the factor or more away on a scale of ratios: one unit has smaller steps
-        enough = min(len(within), len(beyond)) >= LEAST_READINGS
-        if enough and beyond.min() > within.max() / np.sqrt(factor):
-            facts = {"rows": len(size), "unit": unit, "why": f"they are up to {size.max():.3g}"}
-            findings.append(finding("suspected-unit rows", size=float(len(beyond)), column=name, **facts))
-        elif limit.usual < median <= limit.usual / factor:
-            findings.append(suspicion(name, unit, f"it is {median:.3g} in the median"))
-        elif solved and size.max(initial=0.0) > limit.possible:
-            findings.append(suspicion(name, unit, f"it goes up to {size.max():.3g}"))
-    for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
-        low, high = rows[name].min(), rows[name].max()
-        if _KELVIN[0] < low and high < _KELVIN[1]:
-            why = f"it lies between {low:.4g} and {high:.4g}"
-            findings.append(finding("suspected-unit kelvin", column=name, why=why))
-    step = float(rows["time_s"].diff().abs().median()) if "time_s" in rows else 0.0
-    if step > _LARGEST_STEP_S:
-        findings.append(suspicion("time_s", "ms", f"its usual step is {step:.4g}"))
-    return findings
 
 
 def other_sign(why: str, name: str = "current_A") -> Finding:
