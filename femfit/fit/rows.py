@@ -172,25 +172,19 @@ def rows_of_table(
         name: _numbers(rows, name) for name in (*settings, "force_N", *fluxes, "force_error_N", "hall_T")
     }
     needed = [*settings, "force_N", *(fluxes if names else ())]
-    missing = [name for name in needed if columns[name] is None]
-    if missing:
+    if missing := [name for name in needed if columns[name] is None]:
         raise TableError(
             f"A fit needs the columns {', '.join(needed)}; {', '.join(missing)} missing. Sweep again, or import these "
             "columns."
         )
-    suspected = suspected_units(rows[["distance_m"]], None, solved=True)
-    if suspected:
+    if suspected := suspected_units(rows[["distance_m"]], None, solved=True):
         raise TableError(f"{suspected[0].text} Divide the column, or read it with femfit import --unit distance_m=mm.")
     distance, *currents = (snap_axis(columns[name]) if names else columns[name] for name in settings)
     _require_settings(distance, np.column_stack(currents))
     force, error, linked = columns["force_N"], columns["force_error_N"], [columns[name] for name in fluxes]
-    if not force.any():
-        raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
-    silent = [name for name, flux in zip(fluxes, linked, strict=True) if flux is not None and not flux.any()]
-    if silent:
+    if silent := [name for name in ("force_N", *fluxes) if columns[name] is not None and not columns[name].any()]:
         raise TableError(
-            f"{silent[0]} is 0 in every row, and says nothing of the winding. Give the column of the flux linkage, "
-            "with currents other than 0; beside magnets alone leave it out."
+            f"{silent[0]} is 0 in every row. Give another column, rows with a current, or no flux linkage."
         )
     measured = FitRows(
         names=names,

@@ -102,9 +102,8 @@ class CoilRecord:
                     continue
                 back = np.flatnonzero(np.diff(block.time, prepend=before) < 1.0 / LARGEST)
                 if len(back):
-                    raise refused(
-                        "clock-back", source=self.source, moment=block.time[back[0]], rows=int(count + back[0])
-                    )
+                    moment, before_it = block.time[back[0]], int(count + back[0])
+                    raise refused("clock-back", source=self.source, moment=moment, rows=before_it)
                 before, count = float(block.time[-1]), count + len(block)
                 yield block
         if count == 0:

@@ -127,13 +127,8 @@ def _one_in_series(
     elif not series:
         form = next(iter(held))
         second = [column_of(name, circuit) for pair in _FORMS if form in pair for name in pair if name != form]
-        raise refused(
-            "half-impedance",
-            source=source,
-            columns=listing(held.values()),
-            lacking=" or ".join(second),
-            second=second[0],
-        )
+        facts = {"columns": listing(held.values()), "lacking": " or ".join(second), "second": second[0]}
+        raise refused("half-impedance", source=source, **facts)
     inductance = series.get("inductance_H", np.zeros(0))
     wrong = inductance <= 0.0  # above the winding's own resonance
     if mutual or not wrong.any():

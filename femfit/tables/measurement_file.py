@@ -142,11 +142,9 @@ def _bench_table(raw: RawTable, words: Words, planned: bool = False) -> BenchTab
     read, used, findings = in_series(table, raw) if impedance else table
     of_circuits = tuple(str(name) for name in read if parts_of(str(name))[1])
     channels = (*CHANNELS, *of_circuits)
-    filled = tuple(
-        name
-        for name in (*BENCH_COLUMNS, *of_circuits)
-        if name in read and ((planned and name in channels) or read[name].notna().any())
-    )
+    empty = set(channels if planned else ()) & set(read)
+    held = empty | {name for name in read if read[name].notna().any()}
+    filled = tuple(name for name in (*BENCH_COLUMNS, *of_circuits) if name in held)
     BENCH.require(filled, raw.headers, raw.source, used, findings)
     with_noise = (*CHANNELS, "distance_m", "current_A", IMPEDANCE_SHARE, *of_circuits)
     noise, unused = declared_noise(words, (*with_noise, *(OF_RUNS + name for name in channels)), used)

@@ -210,15 +210,11 @@ def force_noise(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     if not noise:
         return [finding("noise coarse") if coarse else finding("noise few", fewest=MIN_DISTANCES)]
     worst = max(noise, key=lambda current: noise[current])
-    percent = 100.0 * noise[worst]
-    if noise[worst] <= NOISY:
-        remark = finding("noise smooth", size=noise[worst], percent=percent)
-    else:
-        remark = finding("noise", size=noise[worst], percent=percent, current=worst)
+    code = "noise smooth" if noise[worst] <= NOISY else "noise"
+    remark = finding(code, size=noise[worst], percent=100.0 * noise[worst], current=worst)
     if "force_error_N" in points:
         return [remark]
-    relative = np.interp(points["current_A"], sorted(noise), [noise[current] for current in sorted(noise)])
-    size = points["force_N"].abs()
+    relative, size = np.interp(points["current_A"], [*noise], [*noise.values()]), points["force_N"].abs()
     error = np.maximum(relative * size, _ROUNDING * float(size.max()))
     return [changing(remark, partial(pd.DataFrame.assign, force_error_N=error))]
 

@@ -175,13 +175,8 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     required = (*(current_names(table.rows) or REQUIRED[:1]), *REQUIRED[1:])
     if missing := [name for name in required if name not in table.rows]:
-        raise refused(
-            "sweep-columns",
-            file=file,
-            required=", ".join(REQUIRED),
-            lacking=", ".join(missing),
-            columns=listing(table.rows.columns, 20),
-        )
+        facts = {"required": ", ".join(REQUIRED), "lacking": ", ".join(missing)}
+        raise refused("sweep-columns", file=file, columns=listing(table.rows.columns, 20), **facts)
     usable = table.valid_rows()
     if usable.empty:
         lacks = "no rows" if table.rows.empty else "no row with status ok"
@@ -257,15 +252,9 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
     variants = rows[axes].drop_duplicates()
     if len(variants) > 1:
         varying = "; ".join(f"{name} {_values(variants[name])}" for name in axes if len(set(variants[name])) > 1)
-        raise refused(
-            "several-variants",
-            variants=len(variants),
-            varying=varying,
-            parameter=VARIANT,
-            first=variants[VARIANT].iloc[0],
-            axis=axes[-1],
-            level=_shown(variants[axes[-1]].iloc[0]),
-        )
+        first, level = variants[VARIANT].iloc[0], _shown(variants[axes[-1]].iloc[0])  # not of one row: 1 stays whole
+        facts = {"first": first, "axis": axes[-1], "level": level}
+        raise refused("several-variants", variants=len(variants), varying=varying, parameter=VARIANT, **facts)
     chosen = {name: variants[name].tolist()[0] for name in axes}
     manifest = {name: value for name, value in table.manifest.items() if name not in {"variants", "parameters"}}
     for entry in table.manifest.get("variants", ()):

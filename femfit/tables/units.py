@@ -6,7 +6,8 @@
 import math
 import tomllib
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from itertools import product
@@ -30,7 +31,7 @@ class Channel:
     sensor: bool = False
     usual: float = math.inf
     possible: float = math.inf
-    units: tuple[str, ...] = ()
+    units: Sequence[str] = ()
 
 
 _ENTRIES = tomllib.loads((files("femfit.tables") / "channels.toml").read_text(encoding="utf-8"))
@@ -38,13 +39,7 @@ _ENTRIES = tomllib.loads((files("femfit.tables") / "channels.toml").read_text(en
 _NAMES = {name: entry.get("names", "").split() for name, entry in _ENTRIES.items()}
 
 CHANNELS: dict[str, Channel] = {
-    name: Channel(
-        **entry
-        | {
-            "names": tuple(word.lstrip("?").casefold() for word in _NAMES[name]),
-            "units": tuple(entry.get("units", ())),
-        }
-    )
+    name: Channel(**entry | {"names": tuple(word.lstrip("?").casefold() for word in _NAMES[name])})
     for name, entry in _ENTRIES.items()
 }
 """Channel to its row."""
@@ -109,13 +104,11 @@ def unit_factor(unit: str, si_unit: str) -> float | None:
 
 def given_factor(unit: str, si_unit: str, header: str, source: str, column: str) -> float:
     """Return the factor to SI of a unit that a user gives by its name, or as the number that multiplies a column."""
-    factor = unit_factor(unit, si_unit) if si_unit else None
+    factor = unit_factor(unit, si_unit)
     if factor is None:
-        try:
+        with suppress(ValueError):
             factor = float(unit)
-        except ValueError:
-            factor = math.nan
-    if not SMALLEST_FACTOR <= abs(factor) <= 1.0 / SMALLEST_FACTOR:  # nor is NaN
+    if factor is None or not SMALLEST_FACTOR <= abs(factor) <= 1.0 / SMALLEST_FACTOR:  # nor is NaN
         examples = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
         volts = POSITION_IN_VOLTS if si_unit == "m" and unit_factor(unit, "V") is not None else ""
         facts = {"unit": quoted(unit), "header": quoted(header), "examples": examples, "volts": volts}
