@@ -27,7 +27,7 @@ from femfit.estimate.record import bridged, converter_step, white_noise
 from femfit.estimate.rests import Rests, Track, find_rests
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import true_setting_of
-from femfit.tables.checks import Expected, beyond_limits
+from femfit.tables.checks import Expected, suspected_units
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import LEAST_READINGS, column_unit
@@ -70,7 +70,7 @@ def suspect_settings(
     box, columns = model.without_effects.validity, ("distance_m", *names)
     ends = (box.distance_min_m, box.distance_max_m), *box.current_limits_A.tolist()  # none of a current beside magnets
     rows = pd.DataFrame(np.column_stack([distance, current.reshape(len(current), -1)]), columns=columns)
-    return beyond_limits(rows, Expected(limits=dict(zip(columns, ends, strict=False))))
+    return suspected_units(rows, Expected(limits=dict(zip(columns, ends, strict=False))))
 
 
 @dataclass(frozen=True, eq=False)

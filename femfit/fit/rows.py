@@ -14,8 +14,8 @@ from femfit.core.sweep_columns import current_columns, flux_columns, inductance_
 from femfit.core.text import counted
 from femfit.fit import constants
 from femfit.model.validity import ActuatorKind
+from femfit.tables.checks import suspected_units
 from femfit.tables.sweep_table import SweepTable, column_numbers, current_names, snap_axis
-from femfit.tables.units import suspected_by_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,20 +172,20 @@ def rows_of_table(
         name: _numbers(rows, name) for name in (*settings, "force_N", *fluxes, "force_error_N", "hall_T")
     }
     needed = [*settings, "force_N", *(fluxes if names else ())]
-    missing = [name for name in needed if columns[name] is None]
-    if missing:
+    if missing := [name for name in needed if columns[name] is None]:
         raise TableError(
             f"A fit needs the columns {', '.join(needed)}; {', '.join(missing)} missing. Sweep again, or import these "
             "columns."
         )
-    suspected = suspected_by_size(rows[["distance_m"]], solved=True)
-    if suspected:
+    if suspected := suspected_units(rows[["distance_m"]], None, solved=True):
         raise TableError(f"{suspected[0].text} Divide the column, or read it with femfit import --unit distance_m=mm.")
     distance, *currents = (snap_axis(columns[name]) if names else columns[name] for name in settings)
     _require_settings(distance, np.column_stack(currents))
     force, error, linked = columns["force_N"], columns["force_error_N"], [columns[name] for name in fluxes]
-    if names and not force.any():
-        raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
+    if silent := [name for name in ("force_N", *fluxes) if columns[name] is not None and not columns[name].any()]:
+        raise TableError(
+            f"{silent[0]} is 0 in every row. Give another column, rows with a current, or no flux linkage."
+        )
     measured = FitRows(
         names=names,
         distance=distance,

@@ -27,12 +27,12 @@ from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, is_plausible, refit
 from femfit.identify.words import Result, plain, printed
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
+from femfit.tables.measurement import Measurement, TimeSeries, channel_words
 
 COENERGY = "coenergy"
 READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
 PARTS = {COENERGY: "a change of the co-energy over distance and current (force and flux linkage together)"} | {
-    name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS
+    name: f"an error of the {channel_words(name)} over its own value" for name in READINGS
 }
 """What a remainder may change."""
 

@@ -29,8 +29,8 @@ from femfit.model.readings import predict_readings
 from femfit.model.several_magnetics import CoenergyMatrix
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
-from femfit.tables.checks import without_outliers
 from femfit.tables.measurement import BenchTable, Measurement
+from femfit.tables.outliers import without_outliers
 from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion
 
 CLEARLY, WELL = 0.2, 0.3

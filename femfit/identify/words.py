@@ -15,7 +15,7 @@ from femfit.core.text import amount_in, probability, rounded, weighed_amount
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of
 from femfit.identify import constants
-from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.tables.measurement import channel_words
 
 
 def _listed(items: Any, word: str = "and", most: int | None = None) -> str:
@@ -36,7 +36,7 @@ _WORDS = Words(
     weighed_amount,
     listed=_listed,
     signed="{:+.3g}".format,
-    channel=CHANNEL_WORDS.__getitem__,
+    channel=channel_words,
     names=constants_of(constants),
 )
 

@@ -152,7 +152,7 @@ def make_bench_table(
     first = None if model is None else model_of(model)
     source = "" if model is None else model.name if isinstance(model, ActuatorModel) else Path(model).name
     words = words_of(record, Words(columns or {}, units or {}, table))
-    rows = read_columns(read_raw_table(record, RECORD.what, (RECORD,), words), RECORD, words).rows
+    rows, *_ = read_columns(read_raw_table(record, RECORD.what, (RECORD,), words), RECORD, words)
     rows = rows.dropna(subset=list(NEEDED))  # a row without one of these is a gap, and said to be one
     if rows.empty:
         raise TableError(f"{record} has no row with a time, a voltage, a current and a distance.")

@@ -21,7 +21,7 @@ from femfit.identify.settings import setting_cells
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.report.style import INK, MUTED, VERMILION, WIDTH, Axes, Figure, new_figure, ordered_colours, quantity, words
-from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.tables.measurement import channel_words
 
 MM = 1e3
 
@@ -93,7 +93,7 @@ def residual_maps_figure(bench: Bench) -> Figure:
         d, i, mean = readings.groupby(setting_cells(observations)[here]).mean().to_numpy().T
         limit = max(float(np.nanquantile(np.abs(mean), 0.98)), LEAST_LIMIT if sigma else 1e-300)
         dots = ax.scatter(d, i, 14.0, mean, cmap="RdBu_r", vmin=-limit, vmax=limit, edgecolors=MUTED, linewidths=0.2)
-        ax.set(title=CHANNEL_WORDS[name], xlabel=words("curves", "distance_m"))
+        ax.set(title=channel_words(name), xlabel=words("curves", "distance_m"))
         bar = figure.colorbar(dots, ax=ax, location="bottom", pad=0.02, aspect=18)
         bar.set_label("in noise σ" if sigma else f"in {name.rpartition('_')[2]}")
     panels[0].set_ylabel(words("curves", "current_A"))
@@ -112,7 +112,7 @@ def covariate_figure(bench: Bench) -> Figure:
         _binned(ax, x, residual[here])
         ax.axhline(0.0, color=MUTED, linewidth=0.8)
         ax.set_xlabel(words("covariates", name))
-    panels[0].set_ylabel(f"{CHANNEL_WORDS[channel]}:\nrecorded − predicted (σ)")
+    panels[0].set_ylabel(f"{channel_words(channel)}:\nrecorded − predicted (σ)")
     return figure
 
 
@@ -145,7 +145,7 @@ def curves_figure(bench: Bench, channel: str) -> Figure:
         _draw(above, below, curves, lines, misfit)
         above.set_title(words("curves", name))
         below.set_xlabel(words("curves", curves.along))
-    quantity = CHANNEL_WORDS[channel]
+    quantity = channel_words(channel)
     panels[0, 0].set_ylabel(words("curves", "reading", quantity=quantity, unit=axis_scale(curves.measured, channel)[1]))
     panels[1, 0].set_ylabel(words("curves", "misfit", unit=axis_scale(curves.misfit_before, channel)[1]))
     figure.legend(

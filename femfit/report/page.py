@@ -38,7 +38,7 @@ from femfit.report.style import (
 )
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.summary import ClosedLoopStudy
-from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.tables.measurement import channel_words
 from femfit.tables.sweep_table import SweepTable
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def _environment() -> "Environment":
         "amperes": lambda current: f"{plain(current)} A",
         "wordy": lambda cells: (str(cells[0]).replace("_", " "), *cells[1:]),
         "formula": formula_markup,
-        "channel": CHANNEL_WORDS.__getitem__,
+        "channel": channel_words,
     }
     environment.filters |= filters | {function.__name__: function for function in functions}
     templates = files("femfit.report") / "templates"

@@ -6,19 +6,17 @@ a record beside a model in ``estimate/record_checks.py``.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from math import comb
 
 import numpy as np
 import pandas as pd
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
 from femfit.tables.findings import finding
 from femfit.tables.header import parts_of
-from femfit.tables.measurement import BenchTable
-from femfit.tables.outliers import isolated_outliers
 from femfit.tables.units import (
     CHANNELS,
     LEAST_READINGS,
@@ -26,15 +24,17 @@ from femfit.tables.units import (
     Channel,
     common_factors,
     other_sign,
-    suspected_by_size,
     suspicion,
 )
 
+_KELVIN = (200.0, 400.0)
+"""Assumed: temperatures between these are more likely kelvins than degrees."""
+
+_LARGEST_STEP_S = 0.5
+"""Assumed: a usual step of a record's clock above it is more likely milliseconds."""
+
 _LEAST_STUCK = 8
 """Assumed: consecutive equal readings from which a channel may be stuck."""
-
-USUAL_OUTLIERS = 0.02
-"""Assumed: part of a channel that a loose contact or a slip may be; more are warned of."""
 
 _SETTINGS = frozenset({"distance_m", "branch", "frequency_Hz"})  # beside the currents
 _FEW = 5
@@ -99,64 +99,62 @@ def set_aside(remark: Finding, cells: BoolArray) -> Change:
     return changing(remark, lambda frame: frame.assign(**{remark.column: frame[remark.column].mask(cells)}))
 
 
-def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> BenchTable:
-    """A table without single readings that contradict all their neighbours, by what a model leaves of each channel."""
-    rows, findings = checked(table.rows, (outliers,), Expected(predicted))
-    return replace(table, rows=rows, findings=(*table.findings, *findings))
+def suspected_units(rows: pd.DataFrame, model: Expected | None, *, solved: bool = False) -> list[Finding]:
+    """Columns that seem to be in another unit, or of the other sign, than their name says.
 
-
-def outliers(rows: pd.DataFrame, model: Expected | None) -> list[Finding]:
-    """Single readings whose deviation from a model contradicts that of all neighbours.
-
-    Without a model a steep curve's true end looks like an outlier, so that readings are compared by what the model
-    leaves of them.
+    A setting of which a model has limits is judged by these, any other column by the sizes that no actuator has. In a
+    table that was computed (``solved``) one impossible number is enough: it is no outlier.
     """
-    predicted = model.predicted if model else {}
-    placed = rows[["distance_m", "current_A"]].notna().all(axis=1).to_numpy()
-    settings = pd.DataFrame({"distance": even_scale(rows["distance_m"].to_numpy()), "current": rows["current_A"]})
-    scaled = (settings - settings.min()) / (settings.max() - settings.min()).clip(lower=1e-300)
-    places = scaled.assign(branch=0.1 * rows["branch"]).to_numpy()  # the branches a little apart
-    findings: list[Finding] = []
-    for name in (name for name in map(str, rows) if name in predicted):
-        values, expected = rows[name].to_numpy(), predicted[name]
-        readable = np.flatnonzero(np.isfinite(values - expected) & placed)
-        if len(readable) < 2:
-            continue
-        # The smallest usual distance between the levels of a coarse channel
-        levels = np.unique(values[readable])
-        step = float(np.quantile(np.diff(levels), 0.1)) if 1 < len(levels) < 0.9 * len(readable) else 0.0
-        run, residual = pd.factorize(rows["run"].to_numpy()[readable])[0], (values - expected)[readable]
-        lone = readable[isolated_outliers(residual, places[readable], run, expected[readable], step)]
-        if not len(lone):
-            continue
-        shown = [
-            f"{values[k]:.5g} at {1e3 * rows['distance_m'][k]:.4g} mm and {rows['current_A'][k]:.4g} A "
-            f"(run {rows['run'][k]:g}, order {rows['order'][k]:g})"
-            for k in lone[:3].tolist()
-        ]
-        facts = {"readings": len(lone), "shown": "; ".join(shown + ["and so on"] * (len(lone) > 3))}
-        code = "outliers many" if len(lone) > USUAL_OUTLIERS * len(readable) else "outliers"
-        remark = finding(code, size=float(len(lone)), column=name, **facts)
-        findings.append(set_aside(remark, np.isin(np.arange(len(rows)), lone)))
+    limits = model.limits if model else {}
+    findings = [
+        remark for name, box in limits.items() for remark in _by_limits(rows[name].dropna().to_numpy(), name, box)
+    ]
+    for name in (str(name) for name in rows if common_factors(str(name)) and name not in limits):
+        size = np.abs(rows[name].to_numpy(dtype=np.float64))
+        findings += _by_size(size[np.isfinite(size)], name, solved=solved)
+    for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
+        low, high = rows[name].min(), rows[name].max()
+        if _KELVIN[0] < low and high < _KELVIN[1]:
+            why = f"it lies between {low:.4g} and {high:.4g}"
+            findings.append(finding("suspected-unit kelvin", column=name, why=why))
+    step = float(rows["time_s"].diff().abs().median()) if "time_s" in rows else 0.0
+    if step > _LARGEST_STEP_S:
+        findings.append(suspicion("time_s", "ms", f"its usual step is {step:.4g}"))
     return findings
 
 
-def beyond_limits(rows: pd.DataFrame, model: Expected | None) -> list[Finding]:
-    """Settings that lie outside of a model's limits, and inside once their unit or sign is taken for another."""
-    findings: list[Finding] = []
-    for name, (low, high) in (model.limits if model else {}).items():
-        slack, values = 0.05 * (high - low), rows[name].dropna().to_numpy()
-        now = (values >= low - slack) & (values <= high + slack)
-        for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
-            converted = factor * values
-            then = (converted >= low - slack) & (converted <= high + slack)
-            few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
-            reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
-            if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
-                why = "few rows lie in the model's range, but then they would"
-                findings.append(other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why))
-                break
-    return findings
+def _by_limits(values: FloatArray, name: str, limits: tuple[float, float]) -> list[Finding]:
+    """The unit or sign by which settings that lie outside of a model's limits lie inside."""
+    low, high = limits
+    slack = 0.05 * (high - low)
+    now = (values >= low - slack) & (values <= high + slack)
+    for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
+        converted = factor * values
+        then = (converted >= low - slack) & (converted <= high + slack)
+        few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
+        reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
+        if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
+            why = "few rows lie in the model's range, but then they would"
+            return [other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why)]
+    return []
+
+
+def _by_size(size: FloatArray, name: str, *, solved: bool) -> list[Finding]:
+    """The unit in which magnitudes would be usual, of all of them or of a group of their own."""
+    limit, (unit, factor) = CHANNELS[name], next(iter(common_factors(name).items()))
+    beyond, median = size[size > limit.usual], float(np.median(size)) if len(size) else 0.0
+    within = size[(size <= limit.usual) & (size > 0.0)]
+    # Half of the factor or more away on a scale of ratios: one unit has smaller steps
+    enough = min(len(within), len(beyond)) >= LEAST_READINGS
+    if enough and beyond.min() > within.max() / np.sqrt(factor):
+        facts = {"rows": len(size), "unit": unit, "why": f"they are up to {size.max():.3g}"}
+        return [finding("suspected-unit rows", size=float(len(beyond)), column=name, **facts)]
+    if limit.usual < median <= limit.usual / factor:
+        return [suspicion(name, unit, f"it is {median:.3g} in the median")]
+    if solved and size.max(initial=0.0) > limit.possible:
+        code = "suspected-unit" if size.max() <= limit.possible / factor else "suspected-unit impossible"
+        return [finding(code, column=name, unit=unit, why=f"it goes up to {size.max():.3g}")]
+    return []
 
 
 def copies(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
@@ -253,10 +251,10 @@ def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
     return findings
 
 
-BENCH_CHECKS: tuple[Check, ...] = (suspected_by_size, stuck_readings)
+BENCH_CHECKS: tuple[Check, ...] = (suspected_units, stuck_readings)
 """Of readings at rest, once their copies are left out and they stand in order."""
 
-RECORD_CHECKS: tuple[Check, ...] = (faulty_samples, suspected_by_size)
+RECORD_CHECKS: tuple[Check, ...] = (faulty_samples, suspected_units)
 """Of samples over time, once their clock and their copies are known."""
 
 

@@ -102,9 +102,8 @@ class CoilRecord:
                     continue
                 back = np.flatnonzero(np.diff(block.time, prepend=before) < 1.0 / LARGEST)
                 if len(back):
-                    raise refused(
-                        "clock-back", source=self.source, moment=block.time[back[0]], rows=int(count + back[0])
-                    )
+                    moment, before_it = block.time[back[0]], int(count + back[0])
+                    raise refused("clock-back", source=self.source, moment=moment, rows=before_it)
                 before, count = float(block.time[-1]), count + len(block)
                 yield block
         if count == 0:
@@ -189,8 +188,9 @@ def _text_record(path: Path) -> Record:
         content = content[: content.rfind(b"\n") + 1]
         content += b"\x00" * (len(content) % 2 and b"\x00" in content[:64])  # the other half of a UTF-16 line end
     text, encoding = decode(content, str(path))
-    layout = find_layout(text, str(path))
-    marked = (cell for line in layout.below for cell in line.cells if "," in cell and looks_numeric(cell))
+    lines = text.splitlines()
+    layout = find_layout(lines, str(path))
+    marked = (cell for _, cells in layout.rows(lines) for cell in cells if "," in cell and looks_numeric(cell))
     decimal = find_decimal(marked, str(path), ",")
     options: Any = {
         "encoding": encoding,
@@ -198,7 +198,7 @@ def _text_record(path: Path) -> Record:
         "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
         "decimal": decimal,
         "header": None,
-        "skiprows": min(layout.first - 1, layout.lines[-1].number),
+        "skiprows": layout.first - 1,
         "skipinitialspace": True,
         "na_values": sorted(EMPTY),
     }

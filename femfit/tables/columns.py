@@ -68,13 +68,8 @@ def match_columns(
     wanted = {find_header(key, headers, source, "--column"): name for key, name in columns.items()}
     for header, name in wanted.items():
         if name not in names:
-            raise refused(
-                "unwanted-column",
-                header=quoted(header),
-                source=source,
-                column_name=quoted(name),
-                columns=", ".join(names),
-            )
+            facts = {"header": quoted(header), "column_name": quoted(name), "columns": ", ".join(names)}
+            raise refused("unwanted-column", source=source, **facts)
     chosen = {name: headers.index(header) for header, name in wanted.items()}
     texts: dict[str, str] = {}
     for key, unit in units.items():
@@ -94,7 +89,7 @@ def match_columns(
         used_column(headers[k], name, source, texts.get(name, texts.get(headers[k], "")))
         for name, k in sorted(chosen.items(), key=lambda choice: choice[1])
     ]
-    for key in texts.keys() - {column.name for column in used}:
+    for key in (key for key in texts if key not in chosen):
         find_header(key, headers, source, "--unit")
     unused = [header for k, header in enumerate(headers) if header.strip() and k not in chosen.values()]
     if not unused:

@@ -147,9 +147,8 @@ def _read_apart(kind: str, content: bytes, source: str) -> Tables:
         try:
             tree, remark = pool.submit(_decoded, kind, content, int(memory)).result(timeout)
         except MemoryError as error:
-            raise refused(
-                "too-much-memory", source=source, megabytes=len(content) / 1000000.0, gigabytes=memory / 1000000000.0
-            ) from error
+            facts = {"megabytes": len(content) / 1e6, "gigabytes": memory / 1e9}
+            raise refused("too-much-memory", source=source, **facts) from error
     return nested_tables(tree, source, kind, separator="/" if kind == "HDF5" else "."), remark
 
 

@@ -23,12 +23,11 @@ from femfit.tables.columns import UsedColumn
 from femfit.tables.containers import SUFFIXES, parse_table
 from femfit.tables.findings import finding, refused
 from femfit.tables.foreign_forms import AXES, SWEEP, ImportOptions, is_matrix, listed, long_points
-from femfit.tables.header import names_of
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.reading import words_of
 from femfit.tables.sweep_checks import GRID_CHECKS, ROW_CHECKS, force_sign, holes_of_grid, repeated_points
 from femfit.tables.sweep_table import SweepTable, snap_axis
-from femfit.tables.units import column_unit, unit_factor
+from femfit.tables.units import CHANNELS, column_unit, unit_factor
 
 _NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
 _UNITS = {"current_A": r"(?P<unit>[mu]?A|amps?)", "distance_m": r"(?P<unit>[mcu]?m|in(?:ch)?)"}
@@ -199,7 +198,7 @@ def _value_in_name(path: Path, column: str) -> float | None:
     A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
     with its unit or after the quantity's name.
     """
-    names = "|".join(sorted(filter(str.isascii, names_of(column)), key=len, reverse=True))
+    names = "|".join(sorted(filter(str.isascii, CHANNELS[column].names), key=len, reverse=True))
     patterns = [
         rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[column]}(?![A-Za-z0-9])",
         rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?P<unit>)(?![A-Za-z0-9])",

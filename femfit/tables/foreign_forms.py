@@ -19,7 +19,7 @@ from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.findings import finding, refused
-from femfit.tables.header import names_of, parse_header
+from femfit.tables.header import parse_header
 from femfit.tables.raw_table import RawTable, looks_numeric, parse_number
 from femfit.tables.reading import Wants, Words
 from femfit.tables.units import CHANNELS, column_unit, unit_factor
@@ -125,7 +125,7 @@ _LABEL = re.compile(
     r"\[?\(?(?P<unit>[^\d\W]*)\]?\)?$"
 )
 _LONGEST_CORNER = 200
-_LABEL_WORDS = frozenset(name for axis in REQUIRED for name in names_of(axis))
+_LABEL_WORDS = frozenset(name for axis in REQUIRED for name in CHANNELS[axis].names)
 
 
 def axis_of_labels(raw: RawTable) -> tuple[FloatArray, str] | None:
@@ -201,7 +201,7 @@ def _first_column(options: ImportOptions, label_unit: str, corner: str) -> tuple
     if label_unit:
         return AXES[_axis_of(label_unit) == "current_A"], f"the first row is in {label_unit}"
     first = parse_header(re.split(r"[\\/|]", corner)[0])
-    named = [axis for axis in reversed(AXES) if first.name in names_of(axis)]
+    named = [axis for axis in reversed(AXES) if first.name in CHANNELS[axis].names]
     axis = _axis_of(first.unit or "") or next(iter(named), None)
     if axis is None:
         return "distance_m", "the usual order; --matrix-rows current if not"

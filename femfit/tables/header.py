@@ -17,7 +17,7 @@ from femfit.core.results import listing
 from femfit.core.text import quoted
 from femfit.tables.findings import refused
 from femfit.tables.raw_table import looks_numeric
-from femfit.tables.units import CAPITALS, CHANNELS, NEEDS_UNIT, column_unit, is_unit, unit_factor
+from femfit.tables.units import CAPITALS, CHANNELS, NEEDS_UNIT, Channel, column_unit, is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
 _BEFORE = r"(?:\s*/\s*|\s*,\s*|\s+in\s+|[_\s]+)"
@@ -115,13 +115,8 @@ def find_header(key: str, headers: Sequence[str], source: str, option: str) -> s
     """Find the header that a user means."""
     matches = matching_headers(key, headers)
     if len(matches) != 1:
-        raise refused(
-            "no-such-column",
-            source=source,
-            key=quoted(key),
-            option=option,
-            headers=listing((header for header in headers if header.strip()), 20) or "without names (give --columns)",
-        )
+        named = listing((header for header in headers if header.strip()), 20) or "without names (give --columns)"
+        raise refused("no-such-column", source=source, key=quoted(key), option=option, headers=named)
     return matches[0]
 
 
@@ -135,7 +130,7 @@ def score(header: Header, column: str) -> int:
     fits = bool(si_unit) and unit_factor(header.unit or "", si_unit) is not None
     if header.unit is not None and not fits:
         return 0
-    names = {re.sub("[_-]", "", stem).casefold(), *names_of(column)}
+    names = {re.sub("[_-]", "", stem).casefold(), *CHANNELS.get(column, Channel()).names}
     named = names.intersection(header.words)
     if header.name in names and header.name not in NEEDS_UNIT:
         capital = header.name.upper() in header.text
@@ -144,11 +139,6 @@ def score(header: Header, column: str) -> int:
     if fits and (header.name in names or (named and named.issuperset(header.words))):
         return Likeness.MAYBE
     return (Likeness.WORD_IN_UNIT if fits else Likeness.WORD) if named or header.name in names else int(fits)
-
-
-def names_of(column: str) -> tuple[str, ...]:
-    """What tables call a column; nothing for one that is not in the registry."""
-    return CHANNELS[column].names if column in CHANNELS else ()
 
 
 OF_CIRCUITS = frozenset(name for name, channel in CHANNELS.items() if channel.circuits)

@@ -66,7 +66,7 @@ _LARGEST_DEG = 91.0
 
 def in_series(table: ReadTable, raw: RawTable) -> ReadTable:
     """The table with each circuit's :data:`SERIES` in place of other forms, and what was converted or set aside."""
-    rows, used, findings = table.rows, table.used, list(table.findings)
+    rows, used, findings = table
     for name in (column.name for column in used if parts_of(column.name)[0] == "phase_deg" and column.assumed):
         largest = float(np.nanmax(np.abs(rows[name].to_numpy()), initial=0.0))
         if 0.0 < largest <= np.pi / 2.0:
@@ -106,7 +106,7 @@ def in_series(table: ReadTable, raw: RawTable) -> ReadTable:
         findings += remarks
         rows = rows.drop(columns=list(held.values()))
         rows = rows.assign(**{column_of(name, circuit): values for name, values in z.items()})
-    return ReadTable(rows, used, findings)
+    return rows, used, findings
 
 
 def _one_in_series(
@@ -127,13 +127,8 @@ def _one_in_series(
     elif not series:
         form = next(iter(held))
         second = [column_of(name, circuit) for pair in _FORMS if form in pair for name in pair if name != form]
-        raise refused(
-            "half-impedance",
-            source=source,
-            columns=listing(held.values()),
-            lacking=" or ".join(second),
-            second=second[0],
-        )
+        facts = {"columns": listing(held.values()), "lacking": " or ".join(second), "second": second[0]}
+        raise refused("half-impedance", source=source, **facts)
     inductance = series.get("inductance_H", np.zeros(0))
     wrong = inductance <= 0.0  # above the winding's own resonance
     if mutual or not wrong.any():

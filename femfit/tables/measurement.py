@@ -24,24 +24,19 @@ CHANNELS = tuple(name for name, channel in REGISTRY.items() if channel.bench == 
 """Columns that a bench reads."""
 
 
-class _ChannelWords(dict[str, str]):
-    """Words by channel; one of several circuits by that of its quantity."""
-
-    def __missing__(self, channel: str) -> str:
-        quantity, circuit = parts_of(channel)
-        if not circuit:
-            raise KeyError(channel)
-        return f"{self[quantity]} of {circuit}"
-
-
 OF_RUNS = "run."
 """Begins the key of a declared standard deviation of what all readings of a run share: run.force_N."""
 
 IMPEDANCE_SHARE = "impedance_share"
 """Key of the declared standard deviation of an impedance's readings as a share of its magnitude."""
 
-CHANNEL_WORDS = _ChannelWords({name: channel.noun for name, channel in REGISTRY.items() if channel.noun})
-"""Channels, and the balances that a time series is turned into, as they are called in sentences."""
+
+def channel_words(channel: str) -> str:
+    """What sentences call a channel, one of several circuits, or a balance that a time series is turned into."""
+    quantity, circuit = parts_of(channel)
+    noun = REGISTRY[quantity].noun or quantity
+    return f"{noun} of {circuit}" if circuit else noun
+
 
 SETTINGS: dict[str, float] = {name: channel.absent for name, channel in REGISTRY.items() if channel.bench == "setting"}
 """Columns that say where and when a reading was taken, with the value that stands for a missing column.

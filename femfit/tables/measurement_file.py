@@ -3,7 +3,7 @@
 Beside them a small table of columns: inductances at clamped distances.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from femfit.tables.measurement import (
     in_measuring_order,
 )
 from femfit.tables.raw_table import RawTable, clock_seconds
-from femfit.tables.reading import ReadTable, Wants, Words, declared_noise, read_columns, read_raw_table, words_of
+from femfit.tables.reading import Wants, Words, declared_noise, read_columns, read_raw_table, words_of
 from femfit.tables.units import unit_factor
 
 BENCH = Wants(
@@ -139,16 +139,19 @@ def read_bench_table(path: str | Path, *, planned: bool = False, **words: Any) -
 def _bench_table(raw: RawTable, words: Words, planned: bool = False) -> BenchTable:
     impedance = IMPEDANCES.fits(raw, words)
     table = read_columns(raw, IMPEDANCES if impedance else BENCH, words)
-    table = in_series(table, raw) if impedance else table
-    of_circuits = tuple(str(name) for name in table.rows if parts_of(str(name))[1])
+    read, used, findings = in_series(table, raw) if impedance else table
+    of_circuits = tuple(str(name) for name in read if parts_of(str(name))[1])
     channels = (*CHANNELS, *of_circuits)
-    filled = _filled(raw, BENCH, table, (*BENCH_COLUMNS, *of_circuits), channels if planned else ())
+    empty = set(channels if planned else ()) & set(read)
+    held = empty | {name for name in read if read[name].notna().any()}
+    filled = tuple(name for name in (*BENCH_COLUMNS, *of_circuits) if name in held)
+    BENCH.require(filled, raw.headers, raw.source, used, findings)
     with_noise = (*CHANNELS, "distance_m", "current_A", IMPEDANCE_SHARE, *of_circuits)
-    noise, unused = declared_noise(words, (*with_noise, *(OF_RUNS + name for name in channels)), table.used)
+    noise, unused = declared_noise(words, (*with_noise, *(OF_RUNS + name for name in channels)), used)
     # Without a column no current flows: right for a pair of magnets, and refused beside a model with a circuit
     absent = SETTINGS | dict.fromkeys(channels, np.nan) | {"current_A": np.nan if of_circuits else 0.0}
-    columns = {name: table.rows.get(name, missing) for name, missing in absent.items()}
-    rows = pd.DataFrame(columns, index=table.rows.index, dtype=np.float64)
+    columns = {name: read.get(name, missing) for name, missing in absent.items()}
+    rows = pd.DataFrame(columns, index=read.index, dtype=np.float64)
     run = rows["run"].fillna(rows["run"].ffill().fillna(1.0))
     rows = rows.assign(run=run, branch=np.sign(rows["branch"].fillna(0.0)))
     once, remarks = checked(rows[list(filled)], () if planned else (copies,))
@@ -159,39 +162,29 @@ def _bench_table(raw: RawTable, words: Words, planned: bool = False) -> BenchTab
         remarks += assumed
         rows = rows if branch is None else rows.assign(branch=branch)
     rows, doubts = checked(rows.assign(mount=rows["mount"].fillna(rows["run"])), () if planned else BENCH_CHECKS)
-    findings = (*table.findings, *remarks, *unused, *doubts)
-    return BenchTable(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
+    findings += [*remarks, *unused, *doubts]
+    return BenchTable(rows, filled, noise, tuple(findings), Path(raw.source).name, **words.texts)
 
 
 def _time_series(raw: RawTable, words: Words) -> TimeSeries:
-    table, names = read_columns(raw, SERIES, words), SERIES.columns(raw.headers, words)
-    filled = _filled(raw, SERIES, table, names)
-    noise, unused = declared_noise(words, names[names.index(SERIES_CHANNELS[0]) :], table.used)
-    columns = {name: table.rows.get(name, np.nan) for name in names}
-    rows = pd.DataFrame(columns, index=table.rows.index, dtype=np.float64)
+    (read, used, findings), names = read_columns(raw, SERIES, words), SERIES.columns(raw.headers, words)
+    filled = [name for name in names if name in read and read[name].notna().any()]
+    SERIES.require(filled, raw.headers, raw.source, used, findings)
+    noise, unused = declared_noise(words, names[names.index(SERIES_CHANNELS[0]) :], used)
+    rows = read.reindex(columns=names).astype(np.float64)
     rows["run"] = rows["run"].ffill().fillna(1.0)
     timed = rows["time_s"].notna()
     rows, lost = rows[timed], int((~timed).sum())
     order = np.argsort(pd.factorize(rows["run"])[0], kind="stable")  # rows of one run together
     rows = rows.iloc[order].reset_index(drop=True)
-    untimed = [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
+    findings += [finding("cells untimed", size=float(lost), rows=lost)] if lost else []
     rows["segment"], clock = check_clock(rows, raw.source)
     once, repeated = checked(rows[[*filled, "segment"]], (copies,))
     rows, doubts = checked(rows.loc[once.index].reset_index(drop=True), RECORD_CHECKS)
-    findings = (*table.findings, *untimed, *clock, *repeated, *doubts, *unused)
+    findings += [*clock, *repeated, *doubts, *unused]
     clipped = {remark.column for remark in doubts if remark.code == "clipped"}
-    filled = tuple(name for name in filled if name in clipped or rows[name].notna().any())
-    return TimeSeries(rows, filled, noise, findings, Path(raw.source).name, **words.texts)
-
-
-def _filled(
-    raw: RawTable, wants: Wants, table: ReadTable, names: Sequence[str], empty: Sequence[str] = ()
-) -> tuple[str, ...]:
-    """The columns that have a number, and those that may be empty; refused where what is wanted is not among them."""
-    held = (name for name in names if name in table.rows)
-    filled = tuple(name for name in held if name in empty or bool(table.rows[name].notna().any()))
-    wants.require(filled, raw.headers, raw.source, table.used, table.findings)
-    return filled
+    given = tuple(name for name in filled if name in clipped or rows[name].notna().any())
+    return TimeSeries(rows, given, noise, tuple(findings), Path(raw.source).name, **words.texts)
 
 
 def is_inductance_table(path: Path) -> bool:

@@ -12,10 +12,21 @@ P. J. Rousseeuw and A. M. Leroy, Robust Regression and Outlier Detection (Wiley,
 median absolute deviation as a scale that outliers do not move.
 """
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
+from femfit.core.results import Finding
+from femfit.tables.checks import Expected, checked, set_aside
+from femfit.tables.findings import finding
+from femfit.tables.measurement import BenchTable
+
+USUAL_OUTLIERS = 0.02
+"""Assumed: part of a channel that a loose contact or a slip may be; more are warned of."""
 
 _NEIGHBOURS, _LEAST = 12, 8
 """Assumed: neighbours that a reading is judged by, and the fewest."""
@@ -49,6 +60,48 @@ _AXES, _RANGES = 3, 2
 
 _SLIP = 2.0
 """Conventional: a slipped digit or decimal point changes a reading at least so much, seen against all neighbours."""
+
+
+def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> BenchTable:
+    """A table without single readings that contradict all their neighbours, by what a model leaves of each channel."""
+    rows, findings = checked(table.rows, (outliers,), Expected(predicted))
+    return replace(table, rows=rows, findings=(*table.findings, *findings))
+
+
+def outliers(rows: pd.DataFrame, model: Expected | None) -> list[Finding]:
+    """Single readings whose deviation from a model contradicts that of all neighbours.
+
+    Without a model a steep curve's true end looks like an outlier, so that readings are compared by what the model
+    leaves of them.
+    """
+    predicted = model.predicted if model else {}
+    placed = rows[["distance_m", "current_A"]].notna().all(axis=1).to_numpy()
+    settings = pd.DataFrame({"distance": even_scale(rows["distance_m"].to_numpy()), "current": rows["current_A"]})
+    scaled = (settings - settings.min()) / (settings.max() - settings.min()).clip(lower=1e-300)
+    places = scaled.assign(branch=0.1 * rows["branch"]).to_numpy()  # the branches a little apart
+    findings: list[Finding] = []
+    for name in (name for name in map(str, rows) if name in predicted):
+        values, expected = rows[name].to_numpy(), predicted[name]
+        readable = np.flatnonzero(np.isfinite(values - expected) & placed)
+        if len(readable) < 2:
+            continue
+        # The smallest usual distance between the levels of a coarse channel
+        levels = np.unique(values[readable])
+        step = float(np.quantile(np.diff(levels), 0.1)) if 1 < len(levels) < 0.9 * len(readable) else 0.0
+        run, residual = pd.factorize(rows["run"].to_numpy()[readable])[0], (values - expected)[readable]
+        lone = readable[isolated_outliers(residual, places[readable], run, expected[readable], step)]
+        if not len(lone):
+            continue
+        shown = [
+            f"{values[k]:.5g} at {1e3 * rows['distance_m'][k]:.4g} mm and {rows['current_A'][k]:.4g} A "
+            f"(run {rows['run'][k]:g}, order {rows['order'][k]:g})"
+            for k in lone[:3].tolist()
+        ]
+        facts = {"readings": len(lone), "shown": "; ".join(shown + ["and so on"] * (len(lone) > 3))}
+        code = "outliers many" if len(lone) > USUAL_OUTLIERS * len(readable) else "outliers"
+        remark = finding(code, size=float(len(lone)), column=name, **facts)
+        findings.append(set_aside(remark, np.isin(np.arange(len(rows)), lone)))
+    return findings
 
 
 def isolated_outliers(

@@ -145,9 +145,10 @@ def looks_measured(text: str) -> bool:
 def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
     """Convert a column of cells; NaN where a cell is no finite number."""
     grouping = "," if decimal == "." else "."
-    if not any(grouping in cell or "_" in cell for cell in cells):
+    lines = "\n".join(cells)
+    if grouping not in lines and "_" not in lines:
         with contextlib.suppress(ValueError):
-            values = np.array([cell.replace(decimal, ".") for cell in cells], dtype=np.float64)
+            values = np.array(lines.replace(decimal, ".").split("\n"), dtype=np.float64)
             return np.where(np.abs(values) < LARGEST, values, np.nan)
     return np.array([parse_number(cell, decimal) for cell in cells], dtype=np.float64)
 
@@ -168,9 +169,10 @@ def clock_seconds(cells: Sequence[str], column: str) -> FloatArray | None:
     A time of day that goes back by more than half a day is the next day's.
     """
     texts = [cell.strip() for cell in cells]
+    if not all(text.casefold() in EMPTY or _CLOCK.fullmatch(text) for text in texts):
+        return None
     matches = [_CLOCK.fullmatch(text) for text in texts]
-    words = [text for text, match in zip(texts, matches, strict=True) if match is None]
-    if len(words) == len(texts) or any(word.casefold() not in EMPTY for word in words):
+    if not any(matches):
         return None
     days = {text: _day(text, column) for text in dict.fromkeys(match["day"] for match in matches if match)}
     first = min(days.values())

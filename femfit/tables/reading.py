@@ -216,13 +216,8 @@ class Wants:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class ReadTable:
-    """What a file has of the columns that were wanted."""
-
-    rows: pd.DataFrame  # In SI; NaN where a cell holds no finite number
-    used: list[UsedColumn]
-    findings: list[Finding]
+ReadTable = tuple[pd.DataFrame, list[UsedColumn], list[Finding]]
+"""What a file has of the columns that were wanted: rows in SI, NaN where a cell holds no finite number."""
 
 
 def read_raw_table(
@@ -266,4 +261,4 @@ def read_columns(raw: RawTable, wants: Wants, words: Words) -> ReadTable:
         rows = rows.assign(**{name: value})
         findings.append(finding("constant-setting", column=name, value=amount(value, name, 4)))
     wants.require(list(map(str, rows)), raw.headers, raw.source, used, findings)
-    return ReadTable(rows, used, findings)
+    return rows, used, findings

@@ -34,10 +34,10 @@ from scipy.stats import norm
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding, listing
-from femfit.tables.checks import Check, Expected, changing
+from femfit.tables.checks import Check, Expected, changing, suspected_units
 from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import AXES, REQUIRED, SWEPT
-from femfit.tables.units import column_unit, suspected_by_size
+from femfit.tables.units import column_unit
 
 _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh
 _AGREEMENT = 0.95  # of the force change that must have one sign before it is called obvious
@@ -100,7 +100,7 @@ def rows_of(points: pd.DataFrame) -> str:
 
 def solved_sizes(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     """Sizes that no actuator has, and distances that do not count from its face; of what all depends on, errors."""
-    remarks = suspected_by_size(points[[name for name in SWEPT if name in points]], solved=True)
+    remarks = suspected_units(points[[name for name in SWEPT if name in points]], None, solved=True)
     findings = [replace(remark, severity="error") if remark.column in AXES else remark for remark in remarks]
     behind = points[points["distance_m"] <= 0]
     if len(behind):
@@ -210,15 +210,11 @@ def force_noise(points: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     if not noise:
         return [finding("noise coarse") if coarse else finding("noise few", fewest=MIN_DISTANCES)]
     worst = max(noise, key=lambda current: noise[current])
-    percent = 100.0 * noise[worst]
-    if noise[worst] <= NOISY:
-        remark = finding("noise smooth", size=noise[worst], percent=percent)
-    else:
-        remark = finding("noise", size=noise[worst], percent=percent, current=worst)
+    code = "noise smooth" if noise[worst] <= NOISY else "noise"
+    remark = finding(code, size=noise[worst], percent=100.0 * noise[worst], current=worst)
     if "force_error_N" in points:
         return [remark]
-    relative = np.interp(points["current_A"], sorted(noise), [noise[current] for current in sorted(noise)])
-    size = points["force_N"].abs()
+    relative, size = np.interp(points["current_A"], [*noise], [*noise.values()]), points["force_N"].abs()
     error = np.maximum(relative * size, _ROUNDING * float(size.max()))
     return [changing(remark, partial(pd.DataFrame.assign, force_error_N=error))]
 

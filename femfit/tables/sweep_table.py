@@ -157,9 +157,9 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     >>> print(ff.read_sweep("runs/rig"))
     50 points: 5 currents 0 to 1.4 A, 10 distances 15 to 45 mm
     """
+    from femfit.tables.checks import suspected_units  # noqa: PLC0415
     from femfit.tables.containers import parse_table  # noqa: PLC0415  pandas loads while a sweep's workers solve
     from femfit.tables.raw_table import file_content  # noqa: PLC0415
-    from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
     file = path_of(path, "A sweep table")
     if file.is_dir():
@@ -175,13 +175,8 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     required = (*(current_names(table.rows) or REQUIRED[:1]), *REQUIRED[1:])
     if missing := [name for name in required if name not in table.rows]:
-        raise refused(
-            "sweep-columns",
-            file=file,
-            required=", ".join(REQUIRED),
-            lacking=", ".join(missing),
-            columns=listing(table.rows.columns, 20),
-        )
+        facts = {"required": ", ".join(REQUIRED), "lacking": ", ".join(missing)}
+        raise refused("sweep-columns", file=file, columns=listing(table.rows.columns, 20), **facts)
     usable = table.valid_rows()
     if usable.empty:
         lacks = "no rows" if table.rows.empty else "no row with status ok"
@@ -193,7 +188,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     wrong = [name for name in ("actuator", "versions") if not isinstance(manifest.get(name, {}), dict)]
     if wrong:
         raise TableError(f"{wrong[0]} in {manifest_file} must be a table of settings. Run the sweep or import again.")
-    suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(table.rows[["distance_m"]])
+    suspected = [] if manifest.get("kind") in KINDS else suspected_units(table.rows[["distance_m"]], None)
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
     folder = file.parent
@@ -260,15 +255,9 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
     variants = rows[axes].drop_duplicates()
     if len(variants) > 1:
         varying = "; ".join(f"{name} {_values(variants[name])}" for name in axes if len(set(variants[name])) > 1)
-        raise refused(
-            "several-variants",
-            variants=len(variants),
-            varying=varying,
-            parameter=VARIANT,
-            first=variants[VARIANT].iloc[0],
-            axis=axes[-1],
-            level=_shown(variants[axes[-1]].iloc[0]),
-        )
+        first, level = variants[VARIANT].iloc[0], _shown(variants[axes[-1]].iloc[0])  # not of one row: 1 stays whole
+        facts = {"first": first, "axis": axes[-1], "level": level}
+        raise refused("several-variants", variants=len(variants), varying=varying, parameter=VARIANT, **facts)
     chosen = {name: variants[name].tolist()[0] for name in axes}
     manifest = {name: value for name, value in table.manifest.items() if name not in {"variants", "parameters"}}
     for entry in table.manifest.get("variants", ()):

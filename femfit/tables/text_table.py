@@ -2,14 +2,18 @@
 
 import codecs
 import csv
+import io
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
 
+import pandas as pd
+
 from femfit.core.errors import TableError
+from femfit.core.numerics import LARGEST
 from femfit.core.results import listing
 from femfit.tables.findings import refused
 from femfit.tables.header import Likeness, parse_header, score
@@ -34,7 +38,7 @@ standardabweichung streuung
 
 
 class Line(NamedTuple):
-    """A line that is not empty, without its comment mark."""
+    """A line above or at the first readings that is not empty, without its comment mark."""
 
     number: int
     text: str
@@ -46,18 +50,18 @@ class Line(NamedTuple):
 class Layout:
     """How a text table is laid out."""
 
-    lines: list[Line]
     delimiter: str
     width: int
     headers: tuple[str, ...]  # One a column; empty if there are none
     first: int  # Number of the first line of data
-    used: frozenset[int]  # Numbers of the lines that the headers were made of
+    repeated: tuple[tuple[str, ...], ...]  # Cells of the lines that the headers were made of
     notes: tuple[str, ...]
 
-    @property
-    def below(self) -> list[Line]:
-        """The lines from the first one of data on."""
-        return [line for line in self.lines if line.number >= self.first and not line.comment]
+    def rows(self, lines: Sequence[str]) -> Iterator[tuple[int, tuple[str, ...]]]:
+        """Number and cells of each line of data that is neither empty nor a comment."""
+        for number, line in enumerate(lines[self.first - 1 :], start=self.first):
+            if line.strip() and not _COMMENT.match(line):
+                yield number, split(line, self.delimiter)
 
 
 def decode(content: bytes, source: str) -> tuple[str, str]:
@@ -87,35 +91,52 @@ def parse_text(
 ) -> RawTable:
     """Read a text table; each argument overrides what is found out."""
     text, encoding = decode(content, source)
-    layout = find_layout(text, source, delimiter)
-    body, notes = _readings(layout)
-    ragged = tuple(line.number for line in body if len(line.cells) != layout.width)
+    lines = text.splitlines()
+    layout = find_layout(lines, source, delimiter)
+    dialect = f"{encoding}, {_DELIMITERS.get(layout.delimiter, repr(layout.delimiter))}, decimal "
+    numbers = [number for number, line in enumerate(lines[layout.first - 1 :], layout.first) if line.strip()]
+    plain = None if decimal == "," or any("," in header for header in layout.headers) else _plain_numbers(lines, layout)
+    if plain is not None and len(plain) == len(numbers):
+        columns = [plain[k] for k in plain]
+        return RawTable(source, layout.headers, columns, numbers, f"{dialect}.", notes=layout.notes)
+    body, notes = _readings(lines, layout)
+    ragged = tuple(number for number, cells in body if len(cells) != layout.width)
     blank = ("",) * layout.width  # in place of cells that may be shifted, and stand in wrong columns
-    rows = [line.cells if len(line.cells) == layout.width else blank for line in body]
+    rows = [cells if len(cells) == layout.width else blank for _, cells in body]
     if not decimal:
         texts = dict.fromkeys(chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
         fewest = 1 if any("," in text for text in texts) else 2  # points alone are decimal ones
         marked = (text for text in texts if "," in text or text.count(".") >= fewest)
         decimal = find_decimal(filter(looks_numeric, marked), source, open_decimal)
     cells = list(zip(*rows, strict=True)) if rows else [()] * layout.width
-    dialect = f"{encoding}, {_DELIMITERS.get(layout.delimiter, repr(layout.delimiter))}, decimal {decimal}"
-    numbers, remarks = [line.number for line in body], (*layout.notes, *notes)
-    return RawTable(source, layout.headers, cells, numbers, dialect, decimal, ragged, remarks)
+    numbers, remarks = [number for number, _ in body], (*layout.notes, *notes)
+    return RawTable(source, layout.headers, cells, numbers, f"{dialect}{decimal}", decimal, ragged, remarks)
 
 
-def _readings(layout: Layout) -> tuple[list[Line], list[str]]:
+def _plain_numbers(lines: Sequence[str], layout: Layout) -> pd.DataFrame | None:
+    """The readings where each cell is a finite number with a decimal point, as in most files; None in all others."""
+    body, blanks = "\n".join(lines[layout.first - 1 :]), r"\s+" if layout.delimiter == " " else layout.delimiter
+    try:
+        frame = pd.read_csv(io.StringIO(body), sep=blanks, header=None, skipinitialspace=True, low_memory=False)
+    except ValueError:  # no rows, or one that is longer than the first
+        return None
+    numeric = frame.shape[1] == layout.width and all(kind.kind in "if" for kind in frame.dtypes)
+    return frame if numeric and (frame.abs() < LARGEST).all(axis=None) else None
+
+
+def _readings(lines: Sequence[str], layout: Layout) -> tuple[list[tuple[int, tuple[str, ...]]], list[str]]:
     """The lines of readings: without repeated headers, blank rows, means of others, and what stands below the last."""
-    header = [line.cells for line in layout.lines if line.number in layout.used and not line.comment]
-    repeated = [line.number for line in layout.below if line.cells in header]
-    body = [line for line in layout.below if any(line.cells) and line.cells not in header]
+    filled = [(number, cells) for number, cells in layout.rows(lines) if any(cells)]
+    repeated = [number for number, cells in filled if cells in layout.repeated]
+    body = [(number, cells) for number, cells in filled if cells not in layout.repeated] if repeated else filled
     notes = [f"repeated header at line {listing(repeated)} passed over"] if repeated else []
-    readings = [line for line in body if not _is_summary(line.cells)]
-    while readings and len(readings[-1].cells) != layout.width and not _is_data(readings[-1].cells):
+    readings = [(number, cells) for number, cells in body if not _is_summary(cells)]
+    while readings and len(readings[-1][1]) != layout.width and not _is_data(readings[-1][1]):
         readings.pop()  # a footnote
     if 0 < len(readings) < len(body):
-        passed = sorted({*body}.difference(readings))
-        numbers, texts = listing(line.number for line in passed), listing(line.text.strip() for line in passed)
-        notes.append(f"line {numbers} between or below the readings passed over ({texts})")
+        passed = sorted({number for number, _ in body}.difference(number for number, _ in readings))
+        texts = listing(lines[number - 1].strip() for number in passed)
+        notes.append(f"line {listing(passed)} between or below the readings passed over ({texts})")
     return readings or body, notes
 
 
@@ -134,24 +155,26 @@ def split(text: str, delimiter: str) -> tuple[str, ...]:
     return tuple(map(str.strip, next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))))
 
 
-def find_layout(text: str, source: str, delimiter: str | None = None) -> Layout:
-    """Find delimiter, width, headers and first row of data."""
-    lines = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.strip():
-            mark = _COMMENT.match(line)
-            lines.append(Line(number, line[mark.end() :] if mark else line, mark is not None))
-    sample = [line.text for line in lines if not line.comment][:_SAMPLE]
-    if not sample:
+def find_layout(lines: Sequence[str], source: str, delimiter: str | None = None) -> Layout:
+    """Find delimiter, width, headers and first row of data, by the first lines that are no comments."""
+    filled = ((number, line, _COMMENT.match(line)) for number, line in enumerate(lines, start=1) if line.strip())
+    head: list[Line] = []
+    texts: list[str] = []
+    for number, line, mark in filled:
+        head.append(Line(number, line[mark.end() :] if mark else line, mark is not None))
+        texts += [] if mark else [line]
+        if len(texts) == 2 * _SAMPLE:
+            break
+    if not texts:
         raise TableError(f"{source} is empty; it needs a header line and rows of numbers.")
-    delimiter = delimiter or max(_DELIMITERS, key=lambda mark: _regular(sample, mark))
-    lines = [line._replace(cells=split(line.text, delimiter)) for line in lines]
-    rows = [line.cells for line in lines if not line.comment][:_SAMPLE]
+    delimiter = delimiter or max(_DELIMITERS, key=lambda mark: _regular(texts[:_SAMPLE], mark))
+    head = [line._replace(cells=split(line.text, delimiter)) for line in head]
+    rows = [split(text, delimiter) for text in texts[:_SAMPLE]]
     check_width(max(map(len, rows)), source)
     widths = Counter(len(cells) for cells in rows if _is_data(cells))
     if not widths:
         raise refused("no-numbers", source=source)
-    return _headed(lines, widths.most_common(1)[0][0], delimiter)
+    return _headed(head, widths.most_common(1)[0][0], delimiter)
 
 
 def _regular(sample: list[str], delimiter: str) -> tuple[int, int]:
@@ -192,18 +215,19 @@ def _headed(lines: list[Line], width: int, delimiter: str) -> Layout:
             name if parse_header(name).unit or unit in _NO_UNITS else f"{name} [{unit}]"
             for name, unit in zip(headers, units, strict=True)
         )
-    used = frozenset((place, *below))
+    used = (place, *below)
+    repeated = tuple(line.cells for line in above if line.number in used and not line.comment)
     passed = [line.number for line in above if line.number not in used]
     note = "lines {} above the readings are text, such as titles, and were ignored"
     if len(passed) == 1:
         note = "line {} above the readings is text, such as a title, and was ignored"
-    return Layout(lines, delimiter, width, headers, start, used, (note.format(listing(passed)),) if passed else ())
+    return Layout(delimiter, width, headers, start, repeated, (note.format(listing(passed)),) if passed else ())
 
 
 def _first_row(lines: list[Line], width: int) -> int:
     """Number of the first line of data; lines with numbers above a line of known names are title lines."""
     first, rows = 0, 0
-    for line in lines[: 2 * _SAMPLE]:
+    for line in lines:
         if line.comment or len(line.cells) != width:
             continue
         if _is_data(line.cells):

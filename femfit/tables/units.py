@@ -1,21 +1,17 @@
 """What a column may hold, and in which unit: the registry of channels, units and their factors to SI.
 
 ``channels.toml`` and ``units.toml`` say what each field means.
-
-Numbers that no actuator has: the usual sign of a unit that was not named.
 """
 
 import math
 import tomllib
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from itertools import product
 from typing import Any
-
-import numpy as np
-import pandas as pd
 
 from femfit.core.results import Finding
 from femfit.core.text import quoted
@@ -35,7 +31,7 @@ class Channel:
     sensor: bool = False
     usual: float = math.inf
     possible: float = math.inf
-    units: tuple[str, ...] = ()
+    units: Sequence[str] = ()
 
 
 _ENTRIES = tomllib.loads((files("femfit.tables") / "channels.toml").read_text(encoding="utf-8"))
@@ -43,13 +39,7 @@ _ENTRIES = tomllib.loads((files("femfit.tables") / "channels.toml").read_text(en
 _NAMES = {name: entry.get("names", "").split() for name, entry in _ENTRIES.items()}
 
 CHANNELS: dict[str, Channel] = {
-    name: Channel(
-        **entry
-        | {
-            "names": tuple(word.lstrip("?").casefold() for word in _NAMES[name]),
-            "units": tuple(entry.get("units", ())),
-        }
-    )
+    name: Channel(**entry | {"names": tuple(word.lstrip("?").casefold() for word in _NAMES[name])})
     for name, entry in _ENTRIES.items()
 }
 """Channel to its row."""
@@ -114,13 +104,11 @@ def unit_factor(unit: str, si_unit: str) -> float | None:
 
 def given_factor(unit: str, si_unit: str, header: str, source: str, column: str) -> float:
     """Return the factor to SI of a unit that a user gives by its name, or as the number that multiplies a column."""
-    factor = unit_factor(unit, si_unit) if si_unit else None
+    factor = unit_factor(unit, si_unit)
     if factor is None:
-        try:
+        with suppress(ValueError):
             factor = float(unit)
-        except ValueError:
-            factor = math.nan
-    if not SMALLEST_FACTOR <= abs(factor) <= 1.0 / SMALLEST_FACTOR:  # nor is NaN
+    if factor is None or not SMALLEST_FACTOR <= abs(factor) <= 1.0 / SMALLEST_FACTOR:  # nor is NaN
         examples = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
         volts = POSITION_IN_VOLTS if si_unit == "m" and unit_factor(unit, "V") is not None else ""
         facts = {"unit": quoted(unit), "header": quoted(header), "examples": examples, "volts": volts}
@@ -147,12 +135,6 @@ def column_unit(column: str) -> tuple[str, str]:
     return (stem, "degC" if unit == "C" else unit) if stem else (column, "")
 
 
-_KELVIN = (200.0, 400.0)
-"""Assumed: temperatures between these are more likely kelvins than degrees."""
-
-_LARGEST_STEP_S = 0.5
-"""Assumed: a usual step of a record's clock above it is more likely milliseconds."""
-
 LEAST_READINGS = 8
 """Assumed: fewer readings are no ground for a suspicion."""
 
@@ -167,39 +149,6 @@ def common_factors(column: str) -> dict[str, float]:
 def suspicion(column: str, unit: str, why: str) -> Finding:
     """Say that a column seems to be in another unit than its name says: what a reader must know before any number."""
     return finding("suspected-unit", column=column, unit=unit, why=why)
-
-
-def suspected_by_size(rows: pd.DataFrame, _model: object = None, *, solved: bool = False) -> list[Finding]:
-    """Suspect the units of columns from the sizes of their numbers alone.
-
-    In a table that was computed (``solved``) one impossible number is enough: it is no outlier.
-    """
-    findings = []
-    for name in (str(name) for name in rows if common_factors(str(name))):
-        size = np.abs(rows[name].to_numpy(dtype=np.float64))
-        size, limit = size[np.isfinite(size)], CHANNELS[name]
-        unit, factor = next(iter(common_factors(name).items()))
-        beyond, median = size[size > limit.usual], float(np.median(size)) if len(size) else 0.0
-        within = size[(size <= limit.usual) & (size > 0.0)]
-        # A group of their own, half of the factor or more away on a scale of ratios: one unit has smaller steps
-        enough = min(len(within), len(beyond)) >= LEAST_READINGS
-        if enough and beyond.min() > within.max() / np.sqrt(factor):
-            facts = {"rows": len(size), "unit": unit, "why": f"they are up to {size.max():.3g}"}
-            findings.append(finding("suspected-unit rows", size=float(len(beyond)), column=name, **facts))
-        elif limit.usual < median <= limit.usual / factor:
-            findings.append(suspicion(name, unit, f"it is {median:.3g} in the median"))
-        elif solved and size.max(initial=0.0) > limit.possible:
-            code = "suspected-unit" if size.max() <= limit.possible / factor else "suspected-unit impossible"
-            findings.append(finding(code, column=name, unit=unit, why=f"it goes up to {size.max():.3g}"))
-    for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
-        low, high = rows[name].min(), rows[name].max()
-        if _KELVIN[0] < low and high < _KELVIN[1]:
-            why = f"it lies between {low:.4g} and {high:.4g}"
-            findings.append(finding("suspected-unit kelvin", column=name, why=why))
-    step = float(rows["time_s"].diff().abs().median()) if "time_s" in rows else 0.0
-    if step > _LARGEST_STEP_S:
-        findings.append(suspicion("time_s", "ms", f"its usual step is {step:.4g}"))
-    return findings
 
 
 def other_sign(why: str, name: str = "current_A") -> Finding:

@@ -56,6 +56,7 @@ UNUSABLE = [
     (one_table(lambda r: r.assign(flux_linkage_Wb=r["flux_linkage_Wb"].where(r.index > 3))), "flux_linkage_Wb must"),
     (one_table(lambda r: r.assign(inductance_H="2 H")), "inductance_H must be numeric"),
     (one_table(lambda r: r.drop(columns="force_N")), "force_N missing"),
+    (one_table(lambda r: r[r["current_A"] == 0].assign(flux_linkage_Wb=0.0)), "flux_linkage_Wb is 0 in every row"),
     (one_table(lambda r: r.assign(distance_m=1e3 * r["distance_m"])), "distance_m seems to be in mm"),
     (one_table(lambda r: r.iloc[[*range(len(r)), 0]]), "1 repeat another, the first at 0 A and 15 mm"),
     (one_table(lambda r: r.assign(status="failed")), "none among its 488"),

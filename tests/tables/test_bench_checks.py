@@ -5,10 +5,9 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.tables.checks import without_outliers
 from femfit.tables.measurement import branch_from_order
 from femfit.tables.measurement_file import read_bench_table
-from femfit.tables.outliers import isolated_outliers
+from femfit.tables.outliers import isolated_outliers, without_outliers
 
 DISTANCES, CURRENTS = np.linspace(0.016, 0.044, 10), np.linspace(0.0, 1.4, 8)
 NOISE = 4e-4

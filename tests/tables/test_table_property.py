@@ -10,11 +10,11 @@ from femfit.core.errors import TableError
 from femfit.tables.coil_record import open_coil_record
 from femfit.tables.foreign import import_table
 from femfit.tables.foreign_forms import SWEPT, ImportOptions
-from femfit.tables.header import names_of, parse_header
+from femfit.tables.header import parse_header
 from femfit.tables.measurement_file import read_measurement
 from femfit.tables.raw_table import parse_number
 from femfit.tables.sweep_table import read_sweep_table, write_sweep_table
-from femfit.tables.units import UNITS, column_unit, unit_factor
+from femfit.tables.units import CHANNELS, UNITS, column_unit, unit_factor
 from support.reference import REFERENCE, needs_reference
 
 QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -136,7 +136,7 @@ def test_headers_and_numbers_of_any_text_are_parsed_without_exception(text):
 
 @pytest.mark.parametrize("column", SWEPT)
 def test_every_unit_of_a_quantity_is_recognised_in_a_header(column):
-    name, si_unit = names_of(column)[-1], column_unit(column)[1]
+    name, si_unit = CHANNELS[column].names[-1], column_unit(column)[1]
     for unit, factor in UNITS[si_unit].items():
         for text in (f"{name} [{unit}]", f"{name}({unit})"):
             unit_in_header = parse_header(text).unit

@@ -35,7 +35,7 @@ from femfit.identify.decision.evidence import Linear, odds_of_unknown
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
 from femfit.identify.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.refit import Refit, plausible
-from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.tables.measurement import channel_words
 
 Verdict = Literal["nothing_missing", "named", "form_insufficient", "unexplained", "compare_only"]
 
@@ -251,7 +251,7 @@ def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]
         lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
     blocks = [block for name, variants in campaign.variants.items() if name not in fit.names for block in variants]
     names = [block.start.name for block in blocks for _ in block.amplitudes.T]
-    names += [f"a constant error of the {CHANNEL_WORDS.get(name, name)}" for name in observations.channels]
+    names += [f"a constant error of the {channel_words(name)}" for name in observations.channels]
     constants = (observations.channel[:, None] == np.arange(len(observations.channels))).astype(np.float64)
     columns = np.concatenate([*(block.amplitudes for block in blocks), campaign.whitening.full(constants)], axis=1)
     size = np.linalg.norm(columns, axis=0)
