@@ -182,10 +182,10 @@ def rows_of_table(
     distance, *currents = (snap_axis(columns[name]) if names else columns[name] for name in settings)
     _require_settings(distance, np.column_stack(currents))
     force, error, linked = columns["force_N"], columns["force_error_N"], [columns[name] for name in fluxes]
-    if silent := [name for name in ("force_N", *fluxes) if columns[name] is not None and not columns[name].any()]:
-        raise TableError(
-            f"{silent[0]} is 0 in every row. Give another column, rows with a current, or no flux linkage."
-        )
+    if not force.any():
+        raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
+    if silent := [name for name in fluxes if columns[name] is not None and not columns[name].any()]:
+        raise TableError(f"{silent[0]} is 0 in every row. Give the column of the flux linkage, or rows with a current.")
     measured = FitRows(
         names=names,
         distance=distance,
