@@ -26,9 +26,6 @@ DIFFERENCE_ORDER, LEAST_DIFFERENCES = 3, 100
 SPIKE = 6.0
 """Assumed: standard deviations beyond which a difference is a spike."""
 
-NORMAL_MEDIAN = 0.6745
-"""Derived: median magnitude of a standard normal number."""
-
 NOISE_SAMPLES = 20_000
 """Conventional: samples that the search for the noise looks at, from the first stretch on."""
 

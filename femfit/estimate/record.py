@@ -23,11 +23,11 @@ import pandas as pd
 from scipy.interpolate import make_interp_spline
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import ROUNDING, BoolArray, FloatArray, IntArray
+from femfit.core.numerics import ROUNDING, BoolArray, FloatArray, IntArray, robust_deviation
 from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import PositionSensor
-from femfit.estimate.constants import DIFFERENCE_ORDER, LEAST_DIFFERENCES, NORMAL_MEDIAN, SPIKE
+from femfit.estimate.constants import DIFFERENCE_ORDER, LEAST_DIFFERENCES, SPIKE
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensing import piece_of
 from femfit.model.sensors import WHOLE, Reading, reading_of
@@ -248,7 +248,7 @@ def white_noise(misfit: FloatArray, segment: IntArray, least: int = LEAST_DIFFER
     differences = differences[np.isfinite(differences)]
     if len(differences) < least:
         return float("nan")
-    usual = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
+    usual = float(robust_deviation(differences))
     if usual > 0.0:  # a coarse converter leaves most differences at zero
         differences = np.clip(differences, -SPIKE * usual, SPIKE * usual)
     return float(np.sqrt(np.mean(differences**2) / comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)))

@@ -28,17 +28,12 @@ STRAIGHT = 1e-3
 
 # How good a model is
 
-COARSE = 0.01
-"""Conventional: misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of."""
-
-COARSE_INDUCTANCE = 0.025
-"""Calibrated, November 2026, on 33 sweeps of 11 devices that saturate: misfit of the inductance, of its rms, that users
-are warned of as well. In 26 of them an inductance between the points was off by a quarter or more; with what is said of
-the force 23 of these are warned of, and two of the others. A solenoid of 15 currents that is met within 2 % has 0.020.
+COARSE = {"force": 0.01, "inductance": 0.025}
+"""Misfit, of the rms or of each point's own, that a co-energy's user is warned of. Of the force conventional; of the
+inductance calibrated, November 2026, on 33 sweeps of 11 devices that saturate, by what their left-out points missed: in
+26 of them an inductance between the points was off by a quarter or more; with what is said of the force 23 of these
+were warned of, and two of the others. A solenoid of 15 currents that is met within 2 % had 0.020.
 """
-
-COARSE_BETWEEN = {"force": COARSE, "inductance": COARSE_INDUCTANCE}
-"""Both by name."""
 
 POOR_CIRCUIT = 0.1
 """Conventional: misfit of flux linkage or inductance, over the rms of the table's, or over the inductance's change with

@@ -84,7 +84,7 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
 def misfit_notes(misfit: Misfit, magnetics: Magnetics) -> tuple[str, ...]:
     """Warnings where a model misses the table that it was fitted to, or is expected to between its points."""
     between, of_each, notes = misfit.between, misfit.force_rms_relative, []
-    if between and (is_coarse(between) or of_each >= constants.COARSE):
+    if between and (is_coarse(between) or of_each >= constants.COARSE["force"]):
         notes.append(note("coarse_sweep", between, is_coarse(between), of_each))
     shares = {"flux linkage": misfit.flux_linkage_share, "inductance": misfit.inductance_share}
     poor = {name: share for name, share in shares.items() if share is not None and share > constants.POOR_CIRCUIT}
@@ -95,8 +95,8 @@ def misfit_notes(misfit: Misfit, magnetics: Magnetics) -> tuple[str, ...]:
 
 def is_coarse(between: BetweenPoints) -> bool:
     """Whether more is missed between the points of a sweep than a model's user should not know of."""
-    bent = between.inductance_share or 0.0
-    return between.force_share >= constants.COARSE or bent >= constants.COARSE_INDUCTANCE
+    shares = {"force": between.force_share, "inductance": between.inductance_share or 0.0}
+    return any(share >= constants.COARSE[name] for name, share in shares.items())
 
 
 def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
@@ -116,8 +116,8 @@ def between_points(coenergy: CoenergyFit, rows: FitRows) -> BetweenPoints:
             name: np.maximum(errors, np.where(at_ends, constants.BETWEEN_AT_ENDS[name], 1.0) * coenergy.left_out[name])
             for name, errors in coenergy.fitted.items()
         }
-    share = {name: rows.share(name, errors) for name, errors in missed.items() if name in constants.COARSE_BETWEEN}
-    worst = int(np.argmax(alone[max(share, key=lambda name: share[name] / constants.COARSE_BETWEEN[name])]))
+    share = {name: rows.share(name, errors) for name, errors in missed.items() if name in constants.COARSE}
+    worst = int(np.argmax(alone[max(share, key=lambda name: share[name] / constants.COARSE[name])]))
     distance, current = float(rows.distance[worst]), float(rows.current[worst])
     return BetweenPoints(
         force_rms_N=rms(missed["force"]),

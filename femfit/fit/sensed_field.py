@@ -61,7 +61,7 @@ def fit_sensed(distance: FloatArray, currents: FloatArray, values: FloatArray, w
     missed = rms(misfit_by_currents(lines.columns(currents), values, distance)) / scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
     trials = [
-        *([lines] if missed < constants.COARSE else []),
+        *([lines] if missed < constants.COARSE["force"] else []),
         *([_splines(axes)] if missed > constants.HELD_OUT_TARGET else []),
     ]
     basis, coefficients, error = _fitted(distance, currents, values, trials, constants.HELD_OUT_TARGET, what)

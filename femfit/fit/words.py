@@ -22,7 +22,7 @@ _WORDS = Words(
         "network_operations": OPERATIONS,
         "small": SMALL_CIRCUIT_FORCE,
         "target": TARGET,
-        "coarse": COARSE,
+        "coarse": COARSE["force"],
     },
 )
 

@@ -150,13 +150,22 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     if turning and all(_explains(reads[name], usual[name], turned[name]) for name in turning):
         return [other_sign(f"{', '.join(turning)} would then fit the model")]
     suspected = [_suspected_channel(model, name, read, usual[name]) for name, read in reads.items()]
+    if not any(suspected):
+        runs = [(number, (rows["run"] == number).to_numpy()) for number in rows["run"].unique().tolist()]
+        suspected = [
+            _suspected_channel(model, name, np.where(of_run, read, np.nan), usual[name], number)
+            for name, read in reads.items()
+            for number, of_run in runs
+        ]
     if not any(suspected) and "frequency_Hz" not in table.given:
         suspected = [suspected_zero(model, d, i, reads, predict)]
     return list(filter(None, suspected))
 
 
-def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
-    """A unit, a sign or a factor by which all readings of a channel differ from the model's."""
+def _suspected_channel(
+    model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray, run: float | None = None
+) -> Finding | None:
+    """A unit, a sign or a factor by which all readings of a channel differ from the model's; of a run no factor."""
     base = model.without_effects  # whose factor is one that no tolerance of a drawing makes
     zero = base.sensor.quiescent_V if name == "hall_V" and base.sensor is not None else 0.0
     here = np.isfinite(read) & np.isfinite(usual)
@@ -167,10 +176,10 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
             why = "it would then fit the model"
             if name != "hall_V" and factor:
                 why = f"it is {rounded(factor)} times the model's, and would then fit"
-            if words.startswith("in ") and " " not in words[3:]:
+            if run is None and words.startswith("in ") and " " not in words[3:]:
                 return suspicion(name, words[3:], why)
-            return finding("suspected-unit", name, name=name, other=words, why=why)
-    if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
+            return finding("suspected-unit", name, name=name, other=words, why=why, run=run)
+    if factor is None or run is not None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
         return None
     if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, np.inf):
         return None
@@ -187,13 +196,11 @@ def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> 
     """What a channel would read if something usual were wrong with it."""
     result = {"of the other sign": -predicted}
     if name == "hall_V" and sensor is not None:
-        field, turned = (
-            (predicted - sensor.quiescent_V) / sensor.sensitivity_V_per_T,
-            2.0 * sensor.quiescent_V - predicted,
-        )
+        signal, turned = predicted - sensor.quiescent_V, 2.0 * sensor.quiescent_V - predicted
+        field = signal / sensor.sensitivity_V_per_T
         result = {
             "of the other polarity": np.clip(turned, sensor.output_min_V, sensor.output_max_V),
-            "without its quiescent voltage": predicted - sensor.quiescent_V,
+            "without its quiescent voltage": signal,
             "a field in T": field,
             "a field in mT": 1e3 * field,
             "a field in gauss": 1e4 * field,

@@ -21,11 +21,10 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, robust_deviation
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import converter_step
 from femfit.identify.constants import IN_ORDER, LEAST_REPEATS, MOST_DROPPED, MOST_ROWS, SAME_LINE, SAME_SETTING, SHORT
 from femfit.identify.observations import TEMPERATURES, Observations, circumstances, once_for_settings
@@ -246,4 +245,4 @@ def noise_of_means(residual: FloatArray, number: IntArray, count: IntArray) -> f
     if np.count_nonzero(shown) < LEAST_REPEATS:
         return float("nan")
     length = count[shown] / np.median(np.repeat(count[shown], count[shown]))
-    return 0.5 * float(np.median(np.abs(last - first)[shown] * np.sqrt(length))) / NORMAL_MEDIAN
+    return 0.5 * float(robust_deviation((last - first)[shown] * np.sqrt(length)))

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import LARGEST, FloatArray
+from femfit.core.numerics import LARGEST, NORMAL_MEDIAN, FloatArray
 from femfit.core.text import counted
 
-# Second differences of white noise have six times its variance; the median of |normal| is 0.6745 sigma.
-_MEDIAN_TO_SIGMA = 1.0 / (0.6745 * math.sqrt(6.0))
+# Second differences of white noise have six times its variance
+_MEDIAN_TO_SIGMA = 1.0 / (NORMAL_MEDIAN * math.sqrt(6.0))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from math import comb
 import numpy as np
 import pandas as pd
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, robust_deviation
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
 from femfit.tables.findings import finding
@@ -269,9 +269,9 @@ def equal_stretches(values: FloatArray, run: FloatArray | None = None) -> tuple[
 
 def _is_computed(moving: FloatArray) -> bool:
     """Whether samples that move scatter by less than any sensor's: differences of white noise grow as the binomials."""
-    scatter = np.abs(np.diff(moving, _DIFFERENCES))
-    growth = 0.6745 * comb(2 * _DIFFERENCES, _DIFFERENCES) ** 0.5  # the median of |normal| in standard deviations
-    return len(scatter) > _LEAST_CLIPPED and bool(np.median(scatter) < growth * 2.0**-_EFFECTIVE_BITS * np.ptp(moving))
+    scatter = np.diff(moving, _DIFFERENCES)
+    finest = 2.0**-_EFFECTIVE_BITS * comb(2 * _DIFFERENCES, _DIFFERENCES) ** 0.5
+    return len(scatter) > _LEAST_CLIPPED and bool(robust_deviation(scatter) < finest * np.ptp(moving))
 
 
 def _clipped(values: FloatArray) -> BoolArray:

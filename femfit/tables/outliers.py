@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale, robust_deviation
 from femfit.core.results import Finding
 from femfit.tables.checks import Expected, checked, set_aside
 from femfit.tables.findings import finding
@@ -51,9 +51,6 @@ _REPEATS_APART = 1e-6
 
 _PLANES = 2
 """Conventional: planes that are fitted to a reading's neighbours, each without what the one before leaves outside."""
-
-_SIGMA_OF_MAD = 1.4826
-"""Derived: a normal distribution's standard deviation over its median absolute deviation."""
 
 _AXES, _RANGES = 3, 2
 """Derived: distance, current and branch, and those of them that a reading can lie between."""
@@ -141,8 +138,8 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatA
     offset = (place[near[judged]] - place[judged][:, None, :])[..., :_AXES]
     deviation[judged] = value[judged] - _planes(value[near[judged]], offset)[:, 0]
     around = deviation[near[judged]]
-    local = _SIGMA_OF_MAD * np.median(np.abs(around - np.median(around, axis=1)[:, None]), axis=1)
-    usual = _SIGMA_OF_MAD * float(np.median(np.abs(deviation[judged])))
+    local = robust_deviation(around - np.median(around, axis=1)[:, None], axis=1)
+    usual = robust_deviation(deviation[judged])
     scale[judged] = np.sqrt(local**2 + (0.5 * usual) ** 2 + floor**2)
     score = deviation / np.maximum(scale, 1e-300)
     largest = np.abs(score[judged]) >= np.maximum(np.abs(score[near[judged]]).max(axis=1), _SIGMA)
@@ -157,7 +154,7 @@ def _is_alone(
     offset = (place[neighbours] - place[k])[:, :_AXES]
     plane = _planes(value[neighbours][None], offset[None])[0]
     rest = value[neighbours] - plane[0] - offset @ plane[1:]
-    if abs(value[k] - plane[0]) < _SIGMA * max(_SIGMA_OF_MAD * float(np.median(np.abs(rest))), float(scale)):
+    if abs(value[k] - plane[0]) < _SIGMA * max(robust_deviation(rest), float(scale)):
         return False
     repeats = np.flatnonzero((np.abs(place - place[k]).max(axis=1) < 1e-3) & (np.arange(len(value)) != k))
     # What a device does at a setting, repeats show: they read alike, and not what the neighbours say
@@ -206,7 +203,7 @@ def _planes(value: FloatArray, offset: FloatArray) -> FloatArray:
     size = columns.shape[2]
     rest, planes = np.abs(value - centre[:, None]), np.zeros((len(value), size))
     for _ in range(_PLANES):
-        keep = rest <= 3.0 * _SIGMA_OF_MAD * np.median(rest, axis=1)[:, None]
+        keep = rest <= 3.0 * robust_deviation(rest, axis=1)[:, None]
         keep |= (keep.sum(axis=1) < size + 2)[:, None]
         weighted = columns * keep[:, :, None]
         gram = np.einsum("mja,mjb->mab", weighted, columns)

@@ -30,9 +30,8 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
-from scipy.stats import norm
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray, IntArray, robust_deviation
 from femfit.core.results import Finding, listing
 from femfit.tables.checks import Check, Expected, changing, suspected_units
 from femfit.tables.findings import finding
@@ -52,7 +51,6 @@ MIN_DISTANCES = 9
 _ROUNDING = 1e-7
 """Of the largest force: tables are printed with six to ten digits, and no weight shall be infinite."""
 
-_MAD_TO_SIGMA = 1 / norm.ppf(0.75)
 _LARGEST_ORDER, _FEWEST_CONTRASTS = 5, 4
 _FLAT = 1.8  # ratio of the last three spreads; most noisy curves of 9 points stay below, coarse smooth ones exceed
 
@@ -246,7 +244,7 @@ def _contrasts(x: FloatArray, values: FloatArray, degree: int) -> FloatArray:
 
 def _spread(contrasts: FloatArray) -> float:
     """Standard deviation without outliers: root mean square of what lies within three robust deviations."""
-    robust = float(np.median(np.abs(contrasts))) * _MAD_TO_SIGMA
+    robust = float(robust_deviation(contrasts))
     return float(np.sqrt(np.mean(contrasts[np.abs(contrasts) <= 3 * robust] ** 2)))
 
 
@@ -296,7 +294,7 @@ def _compare_loops(
         return np.nan, np.inf, 0
     ratios = flux_work[keep] / force_work[keep]
     factor = float(np.median(ratios))
-    spread = float(np.median(np.abs(ratios - factor)) * _MAD_TO_SIGMA / abs(factor)) if factor else np.inf
+    spread = float(robust_deviation(ratios - factor) / abs(factor)) if factor else np.inf
     return factor, spread, int(keep.sum())
 
 

@@ -58,6 +58,16 @@ def test_a_wrong_unit_or_sign_is_suspected_by_its_name(levitation_model, table, 
     assert words in str(findings[0])
 
 
+@pytest.mark.parametrize(("factor", "words"), [(1e3, "in mN"), (-1.0, "of the other sign")])
+def test_one_run_in_another_unit_is_named_with_its_rows(levitation_model, factor, words):
+    table = campaign(levitation_model, 22, runs=3)
+    last = table.rows["run"] == table.rows["run"].max()
+    force = table.rows["force_N"] * np.where(last, factor, 1.0)
+    (finding,) = suspect_units(levitation_model, with_columns(table, force_N=force))
+    assert str(finding).startswith(f"force_N of run 3 seems to be {words}: it is {factor:g}")
+    assert str(finding).endswith("Convert these rows alone.")
+
+
 @pytest.mark.parametrize(
     ("column", "change", "code", "size"),
     [

@@ -19,11 +19,10 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import FloatArray, robust_deviation
 from femfit.core.sweep_columns import flux_columns
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.estimate.constants import NORMAL_MEDIAN
 from femfit.estimate.record import with_distance
 from femfit.identify.constants import LEAST_REPEATS
 from femfit.identify.observations import Observations, Stacking, WithoutCache, model_tolerance
@@ -189,7 +188,7 @@ def _with_scatter(observations: Observations) -> Observations:
         free = follows & (variance > LEAST_VARIANCE)
         if np.count_nonzero(free) < LEAST_REPEATS:
             continue
-        shown = float(np.median(np.abs(np.diff(scatter)[free]) / np.sqrt(variance[free])) / NORMAL_MEDIAN)
+        shown = float(robust_deviation(np.diff(scatter)[free] / np.sqrt(variance[free])))
         declared, slack = noise.get(name, np.nan), MEDIAN_CHANCE / np.sqrt(np.count_nonzero(follows))
         if not shown <= max(RESTLESS, 1.0 + slack) * declared:
             noise[name] = shown

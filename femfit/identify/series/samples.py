@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray, robust_deviation
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import current_columns, voltage_columns
-from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
+from femfit.estimate.constants import SPIKE
 from femfit.estimate.record import undelayed_readings
 from femfit.estimate.record_checks import check_record
 from femfit.estimate.rests import Rest
@@ -161,7 +161,7 @@ def between_samples(
     mean, rise = np.nan_to_num(volts), np.append(np.where(held[:-1], np.nan_to_num(np.diff(volts)), 0.0), 0.0)
     if not held.any():
         return mean, rise
-    scatter = float(np.median(np.abs(rise[held]))) / NORMAL_MEDIAN
+    scatter = float(robust_deviation(rise[held]))
     slow = float(np.median(np.diff(samples["time_s"])[held[:-1]])) > EVEN * driver_step
     if slow and (scatter == 0.0 or rise @ (taken - mean) > ANYWHERE * (rise @ rise)):
         jump = np.where(np.abs(rise) > SPIKE * scatter, rise, 0.0)
