@@ -1,6 +1,7 @@
 """The actuator file: ``femfit new`` begins one, ``import-fem`` makes one, ``view`` draws it, ``heat`` warms it."""
 
 import json
+import math
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -159,6 +160,8 @@ def _within(
             f"--distance-mm must be within the sweep, {1e3 * low:g} to {1e3 * high:g} mm, where no parts collide; "
             f"instead received {1e3 * distance:g}. Widen [sweep] in the actuator file."
         )
+    if not all(map(math.isfinite, currents)):
+        raise UsageError(f"--current-A must be finite; instead received {', '.join(f'{i:g}' for i in currents)}.")
     if currents and len(currents) != 1 + len(axes.further_A):
         names = ", ".join(circuit.name for circuit in actuator.circuits)
         raise UsageError(

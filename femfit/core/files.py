@@ -240,7 +240,7 @@ def read_settings(file: Path, example: str) -> dict[str, Any]:
     """Read a small TOML or JSON file of settings."""
     try:
         text = file.read_text(encoding="utf-8")
-        data = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
+        data = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text, parse_constant=_refuse_constant)
     except (OSError, ValueError, RecursionError) as error:
         kind = "TOML" if file.suffix == ".toml" else "JSON"
         reason = "it is nested too deeply" if isinstance(error, RecursionError) else quoted(error, 200)
@@ -248,6 +248,10 @@ def read_settings(file: Path, example: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise TableError(f"{file} must hold settings by name, like {example}; instead received {quoted(data)}.")
     return data
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
 
 
 def finite_number(value: object) -> float | None:

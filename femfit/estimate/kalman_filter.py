@@ -23,7 +23,7 @@ from scipy.linalg import block_diag
 
 from femfit.core.errors import FilterError
 from femfit.core.graph import GraphFunction, building
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import LARGEST, FloatArray
 from femfit.estimate.filter import Filter
 from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from femfit.estimate.noise import FilterNoise, default_noise, first_deviations, operating_distance, process_covariance
@@ -174,9 +174,9 @@ def _output(model: ActuatorModel, name: str, noise: FilterNoise) -> Output:
             "sample time, or leave the sensor out."
         )
     white = noise.hall_V if isinstance(sensor, HallSensor) else noise.sensors.get(name, reading.white)
-    if not white > 0.0:
+    if not 0.0 < white < LARGEST:
         raise FilterError(
-            f"A filter must know the noise of sensor {name!r}, and it must be > 0 {reading.unit}; it is {white:g}. "
+            f"A filter must know the noise of sensor {name!r}, finite and > 0 {reading.unit}; it is {white:g}. "
             f"Give [sensors.{name}] its noise in the actuator file, or take it from a record: femfit observe."
         )
     weights = tuple(sample_weights(sensor, step).tolist())

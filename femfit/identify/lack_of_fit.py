@@ -76,13 +76,13 @@ class PatternSpace:
 def pattern_space(whitening: Whitening) -> PatternSpace:
     """The whitened smooth patterns of a campaign; without groups where every channel has too few readings."""
     patterns = smooth_patterns(whitening.observations)
-    columns, degrees = whitening.full(patterns.columns), whitening.noise.degrees_of_freedom
+    columns = whitening.full(patterns.columns)
     everything = np.ones(len(patterns.channel), dtype=bool)
     of_channel = [patterns.channel == c for c in np.unique(patterns.channel)]
     picked = [here & (patterns.degree <= cut) for here in of_channel for cut in COARSE]
     picked += [*of_channel, patterns.degree <= COARSE[0], everything]
     groups = [
-        (orthonormal_basis(columns[:, picks]), float(np.sum(degrees[np.unique(patterns.channel[picks])])))
+        (orthonormal_basis(columns[:, picks]), whitening.noise.pooled_degrees(patterns.channel[picks]))
         for picks in distinct(picked)
     ]
     return PatternSpace(patterns, columns, tuple(sorted(groups, key=lambda group: group[0].shape[1])))

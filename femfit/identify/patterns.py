@@ -72,8 +72,8 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
     """The model's misfit to its own table as smooth patterns, each by one standard deviation; None where it has none.
 
     Four kinds of misfit, each with the tolerance's variance at a reading on average, since nobody knows which it is: as
-    large everywhere or a share of the prediction, and all patterns alike or finer ones smaller. Between the points of
-    its table a model is so granted twice the misfit that it has at them.
+    large everywhere or a share of the prediction, and all patterns alike or finer ones smaller. All four are granted,
+    so that a reading has twice the tolerance, as by ``OWN_MISFIT``.
 
     References
     ----------

@@ -145,15 +145,15 @@ def _by_size(size: FloatArray, name: str, *, solved: bool) -> list[Finding]:
     beyond, median = size[size > limit.usual], float(np.median(size)) if len(size) else 0.0
     within = size[(size <= limit.usual) & (size > 0.0)]
     # Half of the factor or more away on a scale of ratios: one unit has smaller steps
-    enough = min(len(within), len(beyond)) >= LEAST_READINGS
-    if enough and beyond.min() > within.max() / np.sqrt(factor):
-        facts = {"rows": len(size), "unit": unit, "why": f"they are up to {size.max():.3g}"}
+    enough, largest = min(len(within), len(beyond)) >= LEAST_READINGS, size.max(initial=0.0)
+    if enough and beyond.min() > within.max() / np.sqrt(factor) and largest <= limit.possible / factor:
+        facts = {"rows": len(size), "unit": unit, "why": f"they are up to {largest:.3g}"}
         return [finding("suspected-unit rows", size=float(len(beyond)), column=name, **facts)]
     if limit.usual < median <= limit.usual / factor:
         return [suspicion(name, unit, f"it is {median:.3g} in the median")]
-    if solved and size.max(initial=0.0) > limit.possible:
-        code = "suspected-unit" if size.max() <= limit.possible / factor else "suspected-unit impossible"
-        return [finding(code, column=name, unit=unit, why=f"it goes up to {size.max():.3g}")]
+    if (solved or enough) and largest > limit.possible:
+        code = "suspected-unit" if largest <= limit.possible / factor else "suspected-unit impossible"
+        return [finding(code, column=name, unit=unit, why=f"it goes up to {largest:.3g}")]
     return []
 
 

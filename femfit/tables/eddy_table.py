@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.files import read_arrays, replacing
-from femfit.core.numerics import ComplexArray, FloatArray, IntArray
+from femfit.core.numerics import LARGEST, ComplexArray, FloatArray, IntArray
 from femfit.core.sweep_columns import current_columns, inductance_columns, resistance_column
 from femfit.core.text import amount, counted
 
@@ -201,6 +201,8 @@ def _of_arrays(arrays: dict[str, Any]) -> EddyTable:
     names = {name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")}
     numbers = {name: float(arrays[name]) for name in ("braking_error", "asked_error")}
     held: dict[str, Any] = {name: np.asarray(array, np.float64) for name, array in arrays.items() if name not in names}
+    if damaged := [name for name, array in held.items() if not np.all(np.abs(array) < LARGEST)]:
+        raise ValueError(f"{', '.join(damaged)} must hold finite numbers")
     table = EddyTable(**{"hall": None, **held, **names, **numbers})
     table.transfers(len(table.distances_m) - 1, table.checked_Hz)  # which arrays of other shapes do not have
     return table

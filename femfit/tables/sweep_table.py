@@ -204,12 +204,12 @@ def column_numbers(rows: "pd.DataFrame", name: str, source: str = "") -> FloatAr
 
     column, values = rows[name], to_numeric(rows[name], errors="coerce").to_numpy(dtype=np.float64)
     texts = column[np.isnan(values) & column.notna()]
+    if not len(texts) and not np.all(np.isfinite(values)):
+        where = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise refused("sweep-numbers", name=name, source=source, row=where + 1, value=values[where])
     if len(texts) or (column.dtype.kind == "O" and any(isinstance(cell, str) for cell in column)):
         held = quoted((texts if len(texts) else column).iloc[0])
         raise TableError(f"Column {name}{source} must be numeric; it holds {held!r}.")
-    if not np.all(np.isfinite(values)):
-        where = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise refused("sweep-numbers", name=name, source=source, row=where + 1, value=values[where])
     return values
 
 

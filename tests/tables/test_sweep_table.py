@@ -105,6 +105,7 @@ def test_a_choice_that_leaves_several_or_none_says_what_there_is(table, where, m
         ("manifest.json", '"fixed": [', '"fixed": [7, '),
         ("signatures.json", '"key": "fixed.regions.upper_flange.r_mm[1]"', '"key": "fixed.regions.upper.r_mm"'),
         ("signatures.json", '"tolerance": ', '"tolerance": 1e999, "was": '),
+        ("manifest.json", '"kind": ', '"note": Infinity, "kind": '),
     ],
 )
 def test_a_file_beside_a_sweep_that_no_longer_fits_it_is_refused(tmp_path, name, old, new):
@@ -112,13 +113,16 @@ def test_a_file_beside_a_sweep_that_no_longer_fits_it_is_refused(tmp_path, name,
     text = (tmp_path / "run" / name).read_text()
     assert old in text
     (tmp_path / "run" / name).write_text(text.replace(old, new, 1))
-    with pytest.raises(TableError, match=rf"{name.partition('.')[0]}.*damaged"):
+    with pytest.raises(TableError, match=rf"{name.partition('.')[0]}.*(damaged|no number)"):
         read_sweep_table(tmp_path / "run")
 
 
-def test_eddy_currents_whose_arrays_do_not_fit_together_are_refused(tmp_path):
+@pytest.mark.parametrize(
+    "change", [lambda force: force[:, 1:], lambda force: np.where(force == force.max(), np.nan, force)]
+)
+def test_eddy_currents_whose_arrays_do_not_fit_together_or_are_not_finite_are_refused(tmp_path, change):
     shutil.copytree(SWEEPS / "pot", tmp_path / "run")
     with np.load(tmp_path / "run/eddy.npz") as held:
-        np.savez(tmp_path / "run/eddy.npz", **dict(held) | {"force": held["force"][:, 1:]})
+        np.savez(tmp_path / "run/eddy.npz", **dict(held) | {"force": change(held["force"])})
     with pytest.raises(TableError, match=r"eddy.npz.*damaged"):
         read_sweep_table(tmp_path / "run")

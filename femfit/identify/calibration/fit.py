@@ -108,18 +108,17 @@ class Estimate:
     @cached_property
     def information(self) -> FloatArray:
         """Its inverse."""
-        size = np.sqrt(np.outer(np.diag(self.covariance), np.diag(self.covariance)))
-        return np.asarray(np.linalg.pinv(self.covariance / size, hermitian=True) / size)
+        return _inverse(self.covariance)
 
     @property
     def fall(self) -> float:
-        """By how much the change should lower the weighted sum of squares."""
+        """By how much the change should lower the weighted sum of squares, over what readings have where it is more."""
         return float(self.change @ self.information @ self.change)
 
     @property
     def step(self) -> float:
         """Length of the change in standard errors, of well determined combinations too, root mean square."""
-        return float(np.sqrt(self.change @ np.linalg.pinv(self.error) @ self.change / len(self.change)))
+        return float(np.sqrt(self.change @ _inverse(self.error) @ self.change / len(self.change)))
 
     def cost(self, like: "Estimate") -> float:
         """Weighted sum of squares that the drawing leaves, by the noise of another estimate, and of its tolerances."""
@@ -160,6 +159,12 @@ class Estimate:
         moments = about @ others_by.T @ self.fit.whitened_residual
         by = self.scale[:, moving] @ moved
         return np.asarray(self.covariance + by @ (about + np.outer(moments, moments)) @ by.T)
+
+
+def _inverse(covariance: FloatArray) -> FloatArray:
+    """Of numbers in units of their own, which differ by powers of ten."""
+    size = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    return np.asarray(np.linalg.pinv(covariance / size, hermitian=True) / size)
 
 
 def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:

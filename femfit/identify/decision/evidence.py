@@ -98,8 +98,8 @@ class Linear:
 
 def null(campaign: Campaign) -> Linear:
     """The readings without any effect."""
-    target, degrees = campaign.whitening.residual, campaign.noise.degrees_of_freedom
-    return Linear.of(target, np.zeros((len(target), 0)), LogDensity(len(target), float(np.sum(degrees))))
+    target, degrees = campaign.whitening.residual, campaign.noise.pooled_degrees(campaign.observations.channel)
+    return Linear.of(target, np.zeros((len(target), 0)), LogDensity(len(target), degrees))
 
 
 def mean_of_logs(values: Sequence[float] | FloatArray) -> float:

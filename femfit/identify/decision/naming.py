@@ -169,15 +169,17 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
 
 
 def _explains_most(campaign: Campaign, fit: Refit) -> bool:
-    """Whether effects explain most of the squared misfit, and spoil nothing.
+    """Whether effects explain most of the squared misfit beyond noise, and spoil nothing.
 
     That is asked of those of another form than the readings, and where a model misses these no more than its own table.
 
     Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
     whose size is as unlikely as its form.
     """
-    before, readings = float(np.sum(campaign.whitening.residual**2)), len(campaign.whitening.residual)
-    if fit.chi2 - readings >= (1.0 - EXPLAINED) * (before - readings) or not all(map(plausible, fit.effects)):
+    residual = campaign.whitening.residual
+    before = float(residual @ residual)
+    excess = max(before - len(residual), campaign.patterns.excess(residual))
+    if not before - fit.chi2 > EXPLAINED * excess > 0.0 or not all(map(plausible, fit.effects)):
         return False
     observations = campaign.observations
     after = observations.value - observations.predict(fit.effects)

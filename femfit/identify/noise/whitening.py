@@ -190,6 +190,17 @@ class NoiseModel:
         """Standard deviation of one reading per channel whose noise has a source."""
         return {name: float(s) for name, s in zip(self.channels, self.sigma, strict=True) if name in self.source}
 
+    def pooled_degrees(self, channel: IntArray) -> float:
+        """Degrees of freedom of the noise of whitened numbers together, by the channel of each.
+
+        References
+        ----------
+        F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: sums of estimated variances.
+        """
+        count = np.bincount(channel, minlength=len(self.channels)) * [name in self.source for name in self.channels]
+        uncertain = float(np.sum(count**2 / self.degrees_of_freedom))
+        return float(np.sum(count)) ** 2 / uncertain if uncertain else np.inf
+
 
 @dataclass(frozen=True, eq=False)
 class Whitening(WithoutCache):
