@@ -121,9 +121,10 @@ class AddResult(Plotted, Result):
     def objections(self) -> tuple[str, ...]:
         """What speaks against the new model: the error on runs left out, and what keeps it from running.
 
-        ``risen``: that error is larger in some channel, and smaller in none; ``inductance``: it is not positive
-        everywhere, as it was before; ``lost``: the filter does not run through; ``filter``: the mean square of its
-        innovations is farther from 1 by more than a factor. Of a remainder ``unseen``: the error does not fall;
+        ``risen``: that error is larger in some channel, and smaller in none or no size is certain; ``inductance``: it
+        is not positive everywhere, as it was before; ``lost``: the filter does not run through; ``filter``: the mean
+        square of its innovations is farther from 1 by more than a factor. Of a remainder ``unseen``: the error does
+        not fall;
         ``risen``: it is larger in some channel; ``nothing``: none was learnt, nor are effects beside it accepted. What
         keeps a model with these alone from running counts as well.
         """
@@ -139,7 +140,7 @@ class AddResult(Plotted, Result):
             "lost": after is None or "lost" in begun,
             "filter": farther,
             "unseen": self.parts is not None and self.fall_unseen <= HELPS,
-            "risen": bool(self.risen) and (self.parts is not None or not falls),
+            "risen": bool(self.risen) and (self.parts is not None or not falls or all(map(may_be_absent, self.added))),
         }
         return tuple(code for code, fails in tests.items() if fails)
 
@@ -166,6 +167,11 @@ def of_last_run(effects: Sequence[AddedEffect], observations: Observations) -> t
     return tuple(replace(added, runs=None) for added in effects if added.runs is None or added.runs[1] == last)
 
 
+def may_be_absent(added: AddedEffect) -> bool:
+    """Whether no amplitude of an effect differs from none with 95 % confidence."""
+    return all(min(ci := added.ci95.get(p.name, (p.null,))) <= p.null <= max(ci) for p in added.effect.amplitudes)
+
+
 def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]:
     """What is unusual of fitted parameters, one sentence each."""
 
@@ -176,17 +182,12 @@ def suspicious_values(observations: Observations, fit: Refit) -> tuple[str, ...]
 
     every = [(added, p) for added in fit.effects for p in added.effect.parameters]
     stuck = [(fit.effects[k], p) for k, p in (fit.free[j] for j in np.flatnonzero(fit.active))]
-    limits = {
-        a.effect.name: [(p.null, a.ci95.get(p.name, (p.null,))) for p in a.effect.amplitudes] for a in fit.effects
-    }
     text = printed(
         "suspicious",
         fit=fit,
         unusual=[(added, clocked(p)) for added, p in every if not is_plausible(added, p)],
         ends=[(a, clocked(p)) for a, p in stuck if abs(a.parameters[p.name] - p.null) > 1e-3 * p.width],
-        absent=[
-            name for name, intervals in limits.items() if all(min(ci) <= null <= max(ci) for null, ci in intervals)
-        ],
+        absent=[added.effect.name for added in fit.effects if may_be_absent(added)],
         nominal=observations.nominal,
         alone=lambda added, p: AddedEffect(added.effect, added.effect.null() | {p.name: added.parameters[p.name]}),
     )

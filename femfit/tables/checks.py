@@ -216,10 +216,14 @@ def stuck_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
 def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     """Single samples that no actuator has, such as 1e30 A, and those of a record's sensors: missing, stuck or clipped.
 
-    Many that no actuator has are a wrong unit, and stay; what was computed may stand still.
+    Many that no actuator has are a wrong unit, and stay; what was computed may stand still, and so may one channel
+    where all that move were computed.
     """
     findings: list[Finding] = []
     time = rows["time_s"].to_numpy()
+    sensors = [name for name in map(str, rows) if CHANNELS.get(parts_of(name)[0], Channel()).sensor]
+    moving = [values for name in sensors if len(np.unique(values := rows[name].dropna().to_numpy())) > 1]
+    simulated = bool(moving) and all(map(_is_computed, moving))
     for name in map(str, rows):
         channel, values = CHANNELS.get(parts_of(name)[0], Channel()), rows[name].to_numpy()
         beyond, missing = np.abs(values) > channel.possible, int(np.isnan(values).sum())
@@ -235,7 +239,7 @@ def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
         if missing:
             findings.append(finding("cells missing", size=missing, column=name, cells=missing))
         length, stretch = equal_stretches(values)
-        if _is_computed(values[readable & (length[stretch] <= _DIFFERENCES)]):
+        if _is_computed(values[readable]) or (simulated and len(length) == 1):
             continue
         clipped = _clipped(values)
         usual = float(np.quantile(length, 0.95)) if len(length) > 1 else 0.0  # nothing moves it at all
@@ -267,8 +271,10 @@ def equal_stretches(values: FloatArray, run: FloatArray | None = None) -> tuple[
     return np.bincount(stretch), stretch
 
 
-def _is_computed(moving: FloatArray) -> bool:
+def _is_computed(values: FloatArray) -> bool:
     """Whether samples that move scatter by less than any sensor's: differences of white noise grow as the binomials."""
+    length, stretch = equal_stretches(values)
+    moving = values[length[stretch] <= _DIFFERENCES]
     scatter = np.diff(moving, _DIFFERENCES)
     finest = 2.0**-_EFFECTIVE_BITS * comb(2 * _DIFFERENCES, _DIFFERENCES) ** 0.5
     return len(scatter) > _LEAST_CLIPPED and bool(robust_deviation(scatter) < finest * np.ptp(moving))

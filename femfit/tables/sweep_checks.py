@@ -31,7 +31,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
 
-from femfit.core.numerics import FloatArray, IntArray, robust_deviation
+from femfit.core.numerics import FloatArray, IntArray, even_scale, robust_deviation
 from femfit.core.results import Finding, listing
 from femfit.tables.checks import Check, Expected, changing, suspected_units
 from femfit.tables.findings import finding
@@ -225,7 +225,7 @@ def measure_roughness(distances: FloatArray, force: FloatArray) -> tuple[float, 
     """
     if len(distances) < MIN_DISTANCES or not np.any(force):
         return None
-    x, y = np.log(distances), np.log(np.maximum(np.abs(force), 1e-6 * np.abs(force).max()))
+    x, y = even_scale(distances), np.log(np.maximum(np.abs(force), 1e-6 * np.abs(force).max()))
     largest = min(_LARGEST_ORDER, len(distances) - _FEWEST_CONTRASTS - 1)
     spreads = [_spread(_contrasts(x, y, degree)) for degree in range(1, largest + 1)]
     resolved = max(spreads[-3:]) <= _FLAT * min(spreads[-3:])

@@ -183,7 +183,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
         raise TableError(f"Sweep table {file} has {lacks}.")
     for name in required:
         column_numbers(usable, name, f" of {file}")
-    if manifest.get("kind") != "sweep" and (usable["distance_m"] <= 0).any():
+    if manifest.get("kind") not in KINDS and (usable["distance_m"] <= 0).any():
         raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")
     wrong = [name for name in ("actuator", "versions") if not isinstance(manifest.get(name, {}), dict)]
     if wrong:
