@@ -1,6 +1,7 @@
 """What an estimated noise is worth, of several channels together; and when effects explain most of a misfit."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,19 +32,22 @@ def test_pooled_variances_scatter_as_one_of_their_degrees_of_freedom():
     assert declared.pooled_degrees(np.array([1, 1])) == np.inf
 
 
-@pytest.mark.parametrize(
-    ("excess", "after", "explains"), [(-5.0, 385.0, False), (-5.0, 379.0, False), (60.0, 340.0, True)]
-)
-def test_a_residual_shorter_than_its_noise_is_explained_by_nothing(excess, after, explains):
-    readings = 400
-    residual = np.full(readings, np.sqrt(380.0 / readings))
+@dataclass
+class _White:
+    """Readings that are white as they are."""
+
+    misfit: None = None
+    full: Callable = staticmethod(lambda misfit: misfit)
+
+
+@pytest.mark.parametrize(("before", "after", "explains"), [(380, 385, False), (380, 379, False), (460, 420, True)])
+def test_a_misfit_shorter_than_its_noise_is_explained_by_nothing(before, after, explains):
+    readings = np.ones(400) / 20.0
     observations = SimpleNamespace(
-        value=np.zeros(readings), residual=residual, predict=lambda _: np.zeros(readings), mean_square=lambda x: x @ x
+        value=np.zeros(400),
+        residual=before**0.5 * readings,
+        predict=lambda _: -(after**0.5) * readings,
+        mean_square=lambda misfit: np.array([misfit @ misfit]),
     )
-    campaign = SimpleNamespace(
-        whitening=SimpleNamespace(residual=residual),
-        patterns=SimpleNamespace(excess=lambda _: excess),
-        observations=observations,
-        noise=SimpleNamespace(sigma=np.ones(1)),
-    )
-    assert _explains_most(campaign, SimpleNamespace(chi2=after, effects=())) is explains
+    campaign = SimpleNamespace(whitening=_White(), observations=observations, noise=SimpleNamespace(sigma=np.ones(1)))
+    assert _explains_most(campaign, SimpleNamespace(effects=())) is explains

@@ -169,21 +169,19 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
 
 
 def _explains_most(campaign: Campaign, fit: Refit) -> bool:
-    """Whether effects explain most of the squared misfit beyond noise, and spoil nothing.
+    """Whether effects explain most of the squared misfit beyond noise alone, and spoil nothing.
 
     That is asked of those of another form than the readings, and where a model misses these no more than its own table.
 
     Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
     whose size is as unlikely as its form.
     """
-    residual = campaign.whitening.residual
-    before = float(residual @ residual)
-    excess = max(before - len(residual), campaign.patterns.excess(residual))
-    if not before - fit.chi2 > EXPLAINED * excess > 0.0 or not all(map(plausible, fit.effects)):
+    observations, noise = campaign.observations, replace(campaign.whitening, misfit=None)
+    misfits = observations.residual, observations.value - observations.predict(fit.effects)
+    before, after = (float(np.sum(noise.full(misfit) ** 2)) for misfit in misfits)
+    if not before - after > EXPLAINED * (before - len(misfits[0])) > 0.0 or not all(map(plausible, fit.effects)):
         return False
-    observations = campaign.observations
-    after = observations.value - observations.predict(fit.effects)
-    was, now = (np.sqrt(observations.mean_square(residual)) for residual in (observations.residual, after))
+    was, now = (np.sqrt(observations.mean_square(misfit)) for misfit in misfits)
     return bool(np.all(now <= WITHIN_NOISE * np.maximum(was, campaign.noise.sigma)))
 
 
