@@ -46,7 +46,6 @@ def make_records(device: str, directory: Path, cases: int, seed: int, workers: i
 
 
 def main():
-    """Record, diagnose and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--cases", type=int, default=2)

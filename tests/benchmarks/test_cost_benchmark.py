@@ -110,12 +110,10 @@ def by_unknowns():
 
 
 def exponent(size, seconds):
-    """Slope of log(seconds) over log(size)."""
     return float(np.polyfit(np.log(size), np.log(seconds), 1)[0])
 
 
 def page(points, unknowns, commands):
-    """The table, in Markdown."""
     n, whole, factorising = unknowns.T
     powers = {
         "default": exponent(points[1:, 0], points[1:, 1]),

@@ -111,7 +111,6 @@ def _each(numbers, change):
 
 
 def _apart(actuator):
-    """Each coil in a circuit of its own."""
     coils = tuple(replace(one, circuit=one.name) for one in actuator.coils)
     return replace(actuator, coils=coils, circuits=tuple(replace(actuator.circuits[0], name=c.name) for c in coils))
 

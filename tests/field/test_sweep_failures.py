@@ -36,7 +36,6 @@ def sweep_of():
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    """Sweep, its table and directory."""
     sweep, directory = sweep_of(), tmp_path_factory.mktemp("whole")
     sweep_task.MESHES.clear()
     return sweep, run_sweep(sweep, directory, workers=1, settings=QUICK), directory

@@ -19,14 +19,12 @@ DISTANCES = (0.01, 0.0105, 0.011, 0.0115, 0.03, 0.031, 0.032, 0.033)
 
 @pytest.fixture(scope="module")
 def actuator():
-    """Two magnets at two groups of four distances."""
     lower = magnet(1.3, 0.01, 0.01, z_min=-0.01, name="lower")
     return device("pair", fixed=[lower], moving=[magnet(1.3, 0.01, 0.01)], distances=DISTANCES)
 
 
 @pytest.fixture(scope="module")
 def whole(actuator, tmp_path_factory):
-    """Directory, table, and what the progress said."""
     directory, calls = tmp_path_factory.mktemp("whole"), []
     table = run(actuator, directory, progress=lambda at: calls.append((at.points_done, at.points)))
     return directory, table, calls

@@ -29,14 +29,12 @@ def few():
 
 @pytest.fixture(scope="module")
 def whole(few, tmp_path_factory):
-    """Directory, table and progress of the four distances."""
     directory, states = tmp_path_factory.mktemp("whole"), []
     return directory, run_sweep(few, directory, workers=1, settings=QUICK, progress=states.append), states
 
 
 @pytest.fixture
 def solved(whole, tmp_path):
-    """A copy of its directory, to be changed."""
     shutil.copytree(whole[0], tmp_path, dirs_exist_ok=True)
     return tmp_path
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from femfit.fit.constants import TARGET
-from femfit.fit.law_columns import coefficient_bounds, fit_coefficient_function, term_bounds
+from femfit.fit.law_columns import coefficient_bounds, fit_coefficient_function
 from femfit.fit.law_fit import fit_law
 from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
@@ -183,16 +183,3 @@ def test_a_difference_declared_negligible_buys_no_further_term():
     values = 2.0 + 1e-3 * I
     assert fit_coefficient_function(I, values, "c", UNBOUNDED).name == "affine"
     assert fit_coefficient_function(I, values, "c", UNBOUNDED, negligible=1e-2).name == "constant"
-
-
-def test_bounds_of_currents_become_boxes_and_turn_around_with_the_sign():
-    limits = term_bounds(
-        ["affine", "through-origin"], ["x", "y"], np.array([0.0, 1.0, 2.0]), np.repeat(ABOVE_ZERO[:, :3], 2, axis=2)
-    )
-    np.testing.assert_array_equal(limits.lower, [0.0, -np.inf, 0.0])
-    np.testing.assert_array_equal(limits.inequalities.matrix, [[1, 1, 0], [1, 2, 0]])
-    assert limits.sides == ("lower", "lower")
-    bounds = np.tile(np.reshape([-1.0, 4.0], (2, 1, 1)), (2, 1))
-    limits = term_bounds(["through-origin"], ["x"], np.array([-2.0, 1.0]), bounds)
-    # -1 <= -2 m <= 4 and -1 <= m <= 4 together: -1 <= m <= 0.5.
-    assert (limits.lower[0], limits.upper[0]) == (-1.0, 0.5)

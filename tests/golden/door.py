@@ -30,12 +30,10 @@ FREQUENCIES = (0.0, 1.0, 30.0, 1000.0, 30000.0)
 
 
 def stored(kind, name, suffix="csv"):
-    """A file of the inputs."""
     return INPUTS / kind / f"{name}.{suffix}"
 
 
 def model(name):
-    """A stored model."""
     return ff.read_model(stored("models", name, "json"))
 
 
@@ -92,20 +90,17 @@ def statics(one):
 
 
 def readings(one):
-    """All sensors in the states, each as of one moment."""
     at, _ = states(one)
     return {name: asked(sampled_readings, one, sensor, at) for name, sensor in sensors_of(one).items()}
 
 
 def impedances(one):
-    """Impedances at some points and frequencies."""
     d, i = points(one, 5)
     values = {f"{f:g}_Hz": one.impedance(d, as_taken(i), f) for f in FREQUENCIES}
     return {"impedance": {name: np.reshape(z, (len(d), -1)) for name, z in values.items()}}
 
 
 def by_state(one, values):
-    """Columns by the states' names."""
     return dict(zip(one.state_names, np.asarray(values).T, strict=True))
 
 
@@ -165,7 +160,6 @@ def filter_steps(one, kind, count=5):
 
 
 def bound(one):
-    """Least deviations that a filter can reach."""
     least = ff.error_bound(one)
     deviation = dict(zip(least.names, least.deviations.T, strict=True))
     return {"sensors": least.sensors, "deviation": deviation, "observed": least.observed}
@@ -239,7 +233,6 @@ def bench(of, data, alone=False):
 
 
 def observed(of, name, filters):
-    """A record through filters."""
     seen = ff.observe(model(of), stored("records", name), filter=filters)
     table = {key: values.to_numpy()[::50] for key, values in seen.table.items()}
     return {"searched": seen.to_dict() | {"series": table, "findings": [one.code for one in seen.findings]}}
@@ -261,21 +254,18 @@ def _codes(findings):
 
 
 def imported(name):
-    """A table of another program."""
     table = ff.import_table(INPUTS / "tables" / name)
     mapping = [(one.name, one.header, one.unit, one.factor) for one in table.mapping]
     return {"columns": columns_of(table.rows), "mapping": mapping, "findings": _codes(table.findings)}
 
 
 def measured(path):
-    """A measurement as it is read."""
     data = ff.read_measurement(path)
     facts = {"kind": type(data).__name__, "given": data.given, "findings": _codes(data.findings)}
     return facts | {"columns": columns_of(data.rows)}
 
 
 def tables(foreign, measurements, benches, records):
-    """Tables of other programs, and measurements."""
     found = {name: asked(imported, name) for name in foreign}
     found |= {name: asked(measured, INPUTS / "tables" / name) for name in measurements}
     found |= {name: measured(stored("benches", name)) for name in benches}
@@ -283,7 +273,6 @@ def tables(foreign, measurements, benches, records):
 
 
 def drawn(name):
-    """A FEMM model as a drawing."""
     found = import_fem_file(stored("fem", name, "fem"))
     return {"drawing": tomllib.loads(found.toml), "facts": found.as_dict() | {"findings": _codes(found.findings)}}
 
@@ -331,14 +320,12 @@ def audited(name):
 
 
 def tolerances(name, **at):
-    """Scatter of a series by the drawing's tolerances."""
     found = ff.analyse_tolerances(INPUTS / "sweeps" / name, **at)
     shares = {one.number.name: [one.gradient, one.share] for one in found.shares}
     return {"value": found.value, "scatter": found.scatter, "shares": shares}
 
 
 def integrated(methods):
-    """A coil's voltage by each method."""
     time = 2e-3 * np.arange(1500)
     wiggle = 1e-6 * np.cos(1e3 * np.arange(1500.0) ** 2)
     columns = {
@@ -361,7 +348,6 @@ def simulated(name, **options):
 
 
 def closed(name, plant=None, **options):
-    """A closed loop with its design and margins."""
     found = ff.close_loop(model(name), plant=plant and model(plant), runs=2, seconds=0.1, rng=1, **options)
     data = found.data() | {"ends": found.result.series.distance_m[-1]}
     return {"settled": {"design": data.pop("design")}, "bits": data}

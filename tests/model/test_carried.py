@@ -63,7 +63,6 @@ def points(low_d, high_d, low_i, high_i, count=9):
 
 
 def change(effect, base, d, i, order):
-    """A derivative of what the effect adds to the co-energy."""
     coenergy, at = coenergy_of(base), Conditions(nominal_of(base))
 
     def added(d, i, h):

@@ -24,7 +24,6 @@ PRODUCTS = np.geomspace(1e-6, 1e4, 21)
 
 
 def positive(m):
-    """A symmetric positive definite matrix."""
     parts = RANDOM.normal(size=(m, m))
     return parts @ parts.T + 0.1 * np.eye(m)
 
@@ -91,7 +90,6 @@ PATTERNS = [(10e-3, 3e-3, 0.5e-3), (1e-6, 2e-5, 0.1)]
 
 @pytest.fixture(scope="module", params=[*zip((1, 2), PATTERNS, strict=True)])
 def decaying(request, levitation_model):
-    """A model with patterns of eddy currents."""
     circuits, times = request.param
     return with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model), times)
 

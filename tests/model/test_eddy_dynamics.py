@@ -12,7 +12,7 @@ from femfit.effects.stages import changed_coenergy, circuit_of
 from femfit.model.dynamics import state_derivative
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.hall import CurrentAxis, SensedField
-from femfit.model.with_effects import coenergy_of, eddy_with_sources
+from femfit.model.with_effects import coenergy_of
 from femfit.simulation.system import MODE_NUMBERS, moment_function
 from support.added_effects import under_effects
 from support.eddies import REFERENCE_M, knots_over, magnets_alone, spline_of, with_eddies
@@ -166,9 +166,3 @@ def test_a_late_sensor_follows_the_circuit_not_the_core(levitation_model):
     rates = state_derivative(model, states, volts)
     peak = model.conditions.nominal.peak_current_A
     np.testing.assert_allclose(rates[:, -1], rates[:, 2] / peak, rtol=1e-12)
-
-
-def test_eddy_currents_that_no_effect_changes_are_the_models_own(levitation_model):
-    """What is made of their splines is kept with them: a record asks for it hundreds of times."""
-    model = with_eddies(levitation_model)
-    assert eddy_with_sources(model, ()) is model.eddy

@@ -49,7 +49,7 @@ def model(request, model_kind):
     return model_kind(request.param)
 
 
-def assert_slopes(found, wanted, tolerance=1e-6):
+def assert_slopes(found, wanted, tolerance):
     """Relative to the largest of each entry, rounded over steps of 1e-5 of what is large for each state."""
     size = np.abs(wanted).max(axis=0) + 1e-6 * np.abs(wanted).max(axis=(0, 2))[:, None] + 1e-9
     size[0] += 1e-6  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
@@ -71,18 +71,11 @@ def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
     np.testing.assert_allclose(balance, supplied, rtol=0.0, atol=1e-6 * size)
 
 
-def assert_slopes_of_rates(model):
-    states, volts = states_of(model, 8)
-    assert_slopes(slopes(model, states, volts), differences(model, rates, states, volts), 1e-5)
-
-
-def test_the_jacobian_is_the_slope_of_the_rates(model):
-    assert_slopes_of_rates(model)
-
-
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
 def test_the_jacobian_under_an_effect_is_the_slope_of_the_rates(effect, levitation_model):
-    assert_slopes_of_rates(with_effects(levitation_model, [usual(effect, 0.2)]))
+    model = with_effects(levitation_model, [usual(effect, 0.2)])
+    states, volts = states_of(model, 8)
+    assert_slopes(slopes(model, states, volts), differences(model, rates, states, volts), 1e-5)
 
 
 @pytest.mark.parametrize("seconds", [5e-4, 5e-3])
@@ -126,7 +119,6 @@ FRICTION = [
 
 
 def moved(model, state, volts, seconds, steps):
-    """States after so many steps of equal length."""
     for _ in range(steps):
         state = exponential_step(model, state, volts, seconds / steps)
     return state

@@ -28,7 +28,6 @@ def drawn(distances):
 
 
 def solved(actuator, distance, currents):
-    """Columns of the sweep's table at a distance."""
     settings = SolverSettings(order=3, corner_fraction=0.3)  # of both sides alike
     return LinearActuator(actuator, (distance,), layout_of(actuator, settings), settings, estimate=False).rows(
         distance, currents
@@ -37,7 +36,6 @@ def solved(actuator, distance, currents):
 
 @pytest.mark.nightly
 def test_field_and_flux_linkage_between_the_sweeps_points_are_those_of_a_direct_solution():
-    """Where both currents reach the element."""
     actuator, frames = drawn(DISTANCES), []
     for d in DISTANCES:
         rows = pd.DataFrame(solved(actuator, d, POINTS))

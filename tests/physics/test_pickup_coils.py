@@ -21,7 +21,6 @@ SETTINGS = SolverSettings()
 
 
 def winding(coil):
-    """A pickup coil in a coil's place."""
     return PickupCoil(name="search", vertices_m=coil.vertices_m, turns=coil.turns, moves=coil.moves)
 
 

@@ -51,12 +51,10 @@ class Stage:
         self.s, self.held, self.flux, self.volts = s, held, flux, volts
 
     def move(self):
-        """Take the mesh as it is now stretched."""
         self.system.move()
         self.ready = False
 
     def current(self, w):
-        """I in A."""
         return (self.volts + self.s * (self.flux - inner(self.load, w))) / self.resistance
 
     def lag(self, w):
@@ -64,7 +62,6 @@ class Stage:
         return self.points.rows(w[None])[0] - self.held
 
     def evaluate(self, w, _):
-        """The energy, its derivative and the state's square."""
         static, i, s = self.system.evaluate(w, np.zeros(1)), self.current(w), self.s
         rows = self.points.rows(w[None])[0]
         cost = s * inner(self.points.weight, rows * (0.5 * rows - self.held))
@@ -77,7 +74,6 @@ class Stage:
         )
 
     def renew(self, w):
-        """Factorise the second derivative at w."""
         self.system.points.set_tangent(self.system.points.flux_density(w))  # assembles a form too many
         self._form.Assemble()
         self._inverse.renew((self.system._air, self._form))
