@@ -37,12 +37,10 @@ def table(noise_H=0.0):
 
 
 def test_the_force_of_an_exact_table_is_found_without_any_force():
-    fit = fit_inductance(table(), **OPTIONS)
+    fit, i = fit_inductance(table(), **OPTIONS), np.full_like(D, 1.5)
     # The search of the two lengths stops at 1e-8 of its cost
-    np.testing.assert_allclose(flat(fit.model.magnetics).force(D, np.full_like(D, 1.5)), force(D, 1.5), rtol=1e-3)
-    np.testing.assert_allclose(
-        flat(fit.model.magnetics).flux_linkage(D, np.full_like(D, 1.5)), 1.5 * inductance(D), rtol=1e-5
-    )
+    np.testing.assert_allclose(flat(fit.model.magnetics).force(D, i), force(D, 1.5), rtol=1e-3)
+    np.testing.assert_allclose(flat(fit.model.magnetics).flux_linkage(D, i), 1.5 * inductance(D), rtol=1e-5)
     assert fit.notes == ()
     assert fit.model.require_circuit().voltage_max_V == 12.0
 
@@ -84,7 +82,8 @@ def written_table(directory):
     return path
 
 
-DRAWN = read_actuator(GEOMETRY / "plunger-solenoid.toml")
+PLUNGER = GEOMETRY / "plunger-solenoid.toml"
+DRAWN = read_actuator(PLUNGER)
 
 
 @pytest.mark.parametrize(
@@ -92,11 +91,7 @@ DRAWN = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     [
         (("--resistance-ohm", 4, "--supply-V", "0:12"), 4.0, 12.0),
         # Its mass is another than the one that is given
-        (
-            ("--actuator", GEOMETRY / "plunger-solenoid.toml"),
-            DRAWN.coil.resistance_ohm,
-            DRAWN.circuits[0].voltage_max_V,
-        ),
+        (("--actuator", PLUNGER), DRAWN.coil.resistance_ohm, DRAWN.circuits[0].voltage_max_V),
     ],
     ids=["by options", "by an actuator file"],
 )

@@ -23,10 +23,8 @@ def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials
     resistance, d, volts = base.circuit.resistance_ohm, 0.03, 1.0
     inductance = float(flat(base.magnetics).inductance(np.array(d), np.array(0.0)))
     # L (i' - share x') + R i = U and x' = i' - x / tau
-    matrix = np.linalg.solve(
-        np.array([[inductance, -share * inductance], [-1.0, 1.0]]), -np.diag([resistance, 1 / tau])
-    )
-    drive = np.linalg.solve(np.array([[inductance, -share * inductance], [-1.0, 1.0]]), np.array([volts, 0.0]))
+    coupled = np.linalg.inv([[inductance, -share * inductance], [-1.0, 1.0]])
+    matrix, drive = coupled @ -np.diag([resistance, 1 / tau]), coupled @ [volts, 0.0]
     rest = -np.linalg.solve(matrix, drive)
     poles, shapes = np.linalg.eig(matrix)
     time = 5e-3

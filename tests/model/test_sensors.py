@@ -186,9 +186,8 @@ D, AMPERES = np.array([2e-3, 3e-3]), np.array([[0.5], [1.0]])
 GAP, CURRENTS = np.array([0.3e-3, 0.6e-3]), np.array([[0.7, -0.4], [-1.0, 0.5]])
 
 
-def linked(model, d=D, i=AMPERES):
-    (search,) = (one for one in model.other_sensors if one.name == "search")
-    return sampled_value(model, search, np.column_stack([d, 0.0 * d, i]))
+def linked(model):
+    return sampled_value(model, coil(model), np.column_stack([D, 0.0 * D, AMPERES]))
 
 
 def test_a_pickup_coil_is_linked_by_the_true_number_of_turns_of_the_winding():
@@ -214,6 +213,5 @@ def test_turns_and_remanence_scale_a_hall_elements_field_of_several_circuits():
 def test_an_effect_that_is_not_followed_to_a_pickup_coil_is_named_when_the_coil_is_read():
     model = with_effects(searched(), [added("core_saturation", mmf_loss_3=0.1)])
     assert model.magnetics.force(D, AMPERES).shape == (2,)
-    (search,) = (one for one in model.other_sensors if one.name == "search")
     with pytest.raises(MissingPartError, match=r"pickup coil 'search'.*core_saturation"):
-        sampled_value(model, search, np.array([[2e-3, 0.0, 0.5]]))
+        linked(model)
