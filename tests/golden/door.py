@@ -80,12 +80,9 @@ def statics(one):
     d, currents = points(one)
     i = as_taken(currents)
     motional = one.magnetics.motional_constant(d, one.validity.with_axis(i))
-    magnetic = {
-        "force_N": one.force(d, i),
-        "flux_linkage_Wb": one.flux_linkage(d, i),
-        "inductance_H": one.inductance(d, i),
-        "motional_constant_N_A": motional if currents.shape[1] > 1 else motional.sum(axis=-1),
-    }
+    motional = motional if currents.shape[1] > 1 else motional.sum(axis=-1)
+    magnetic = {"force_N": one.force(d, i), "flux_linkage_Wb": one.flux_linkage(d, i)}
+    magnetic |= {"inductance_H": one.inductance(d, i), "motional_constant_N_A": motional}
     return {name: np.reshape(values, (len(d), -1)) for name, values in magnetic.items()}
 
 
@@ -225,10 +222,8 @@ def bench(of, data, alone=False):
     diagnosis["look_alikes"] = sorted(diagnosis["look_alikes"])
     diagnosis["ranking"] = {effect.pop("name"): effect for effect in map(dict, diagnosis["ranking"])}
     result = {"names": names, "diagnose": diagnosis}
-    if isinstance(added, ff.AddResult):
-        result["add"] = added.to_dict()
-    elif added:
-        result["add"] = added
+    if added:
+        result["add"] = added.to_dict() if isinstance(added, ff.AddResult) else added
     return {"fitted": {"compare": comparison}, "searched": result}
 
 
