@@ -10,8 +10,7 @@ from scipy.integrate import fixed_quad
 
 import femfit as ff
 from femfit.fit.build import fit_model
-from femfit.fit.coenergy_system import held_out_masks
-from femfit.fit.rows import rms, rows_of_table
+from femfit.fit.rows import rms
 from femfit.tables.sweep_table import SweepTable
 from support.bearing import grid
 from support.closed_forms import FEW, HARD, NARROW, POT, SIX, VALVE, WIDE, steel_fit
@@ -53,19 +52,6 @@ def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
     fit = fit_model(SweepTable(rows, table.manifest), inductance_H=0.01)
     assert fit.model.misfit.force_rms_relative > 0.01
     assert any("too coarse" in note for note in fit.notes)
-
-
-@pytest.mark.parametrize(("table", "times"), [(full_table(), None), (POT.table(SIX, WIDE), 1)])
-def test_rows_left_out_keep_the_ends_of_both_axes_and_scattered_ones_come_once(table, times):
-    rows = rows_of_table(table)
-    masks = held_out_masks(rows)
-    for mask in masks:
-        fitted = rows.take(~mask)
-        assert fitted.distances[[0, -1]].tolist() == rows.distances[[0, -1]].tolist()
-        assert fitted.currents[[0, -1]].tolist() == rows.currents[[0, -1]].tolist()
-    edge = np.isin(rows.distance, rows.distances[[0, -1]]) | np.isin(rows.current, rows.currents[[0, -1]])
-    if times:
-        np.testing.assert_array_equal(np.sum(masks, axis=0), np.where(edge, 0, times))
 
 
 def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirror_are_refined():

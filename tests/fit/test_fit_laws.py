@@ -10,7 +10,7 @@ import pytest
 from femfit.fit.constants import TARGET
 from femfit.fit.law_columns import coefficient_bounds, fit_coefficient_function
 from femfit.fit.law_fit import fit_law
-from femfit.fit.ranking import rank_laws, ranking_folds
+from femfit.fit.ranking import rank_laws
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN, law_by_name
 from femfit.laws.dipoles import F1E, F2E
@@ -89,15 +89,6 @@ def test_ranking_of_a_closed_form_reaches_half_a_percent_within_sixty_operations
     assert ranking.reached
     assert ranking.recommended.error <= TARGET
     assert ranking.recommended.fit.operations <= 60
-
-
-def test_folds_leave_out_every_inner_row_and_keep_the_ends(paper_rows):
-    folds = ranking_folds(paper_rows)
-    distances, currents = paper_rows.distances, paper_rows.currents
-    blocks = np.sum(folds[:8], axis=0)
-    inner = (paper_rows.distance > distances[0]) & (paper_rows.distance < distances[-1])
-    np.testing.assert_array_equal(blocks, inner)
-    assert len(folds) == 8 + len(currents) - 2
 
 
 def test_a_laws_attracting_bound_holds_at_positive_currents_and_leaves_negative_ones_free():
