@@ -11,11 +11,9 @@ from femfit.core.numerics import MU_0
 from femfit.device.load import actuator_from_toml
 from femfit.device.parts import Region
 from femfit.field.eddy_probe import EddyProbe
-from femfit.field.eddy_sweep import induces
 from femfit.field.harmonic import ConductorPoints
 from femfit.field.point_rows import bias_currents
 from femfit.field.source_fields import SourceFields
-from femfit.field.sweep import run_sweep
 from support import eddy_cases as cases
 from support import eddy_exact as exact
 from support.actuators import rectangle
@@ -111,19 +109,6 @@ def test_the_bias_holds_the_flux_linkage_where_no_magnet_does(both):
     assert [one for (one,) in bias_currents(fixed, rows).values()] == pytest.approx([4.0 / 3.0, 16.0 / 9.0, 2.0, 2.0])
     assert set(bias_currents(both[1], rows).values()) == {(BIAS,)}
     assert bias_currents(both[0], rows) == {}
-
-
-@pytest.mark.nightly
-def test_a_sweep_of_a_saturating_pot_gives_patterns_that_a_model_holds(tmp_path):
-    text = POT.replace("relative_permeability = 200\n", BENT)
-    text = text.replace("[1, 1.5, 2, 2.5]", "[1, 1.5]").replace("[-1, 0, 1]", "[0, 0.8]")
-    text = text.replace("{ start = 10, stop = 1000, per_decade = 2 }", "[100, 200]")
-    actuator = actuator_from_toml(text)
-    assert induces(actuator)
-    table = run_sweep(actuator, tmp_path, workers=1).eddy
-    assert "0.40 A" in str(table)
-    assert table.errors.max() < 0.02
-    assert np.linalg.eigvalsh(table.flux_linkage[:, 1:, 2:]).min() > 0.0
 
 
 LAYERS = 1e-3

@@ -48,11 +48,10 @@ def _table(problem, distance, currents):
     ],
 )
 def test_scaling_of_all_lengths_and_currents(name, distance, current):
-    """Twice as large with twice the current has the same B everywhere: Euler's theorem for homogeneous functions.
+    """Euler's theorem: twice as large with twice the current has the same B everywhere.
 
     The sum over all lengths of length times slope, with d dF/dd and i dF/di, is twice the force, twice the flux
-    linkage, and nothing for B. The slope along the distance is a central difference, of new meshes where one does not
-    serve several distances, whose noise is a thousandth of the force.
+    linkage, and nothing for B. Where one mesh does not serve several distances, their noise is 0.1 % of the force.
     """
     actuator, numbers = read_actuator(GEOMETRY / f"{name}.toml"), read_numbers(GEOMETRY / f"{name}.toml")
     layout = layout_of(actuator, FINE)

@@ -45,10 +45,14 @@ def test_between_the_points_of_its_sweep_a_model_has_the_force_and_flux_linkage_
     model = fit_model(_sweep(tmp_path / "drawn", text)).model
     here = at_distances(text, "[4.5, 6.2, 9.7]").replace(currents, "[0.3, 0.8]")
     rows = _sweep(tmp_path / "between", here).rows
-    for name in ("force", "flux_linkage"):
-        solved = rows["force_N" if name == "force" else "flux_linkage_Wb"]
-        missed = getattr(model, name)(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()) - solved
-        assert np.abs(missed).max() < 2e-3 * np.abs(solved).max()
+    functions = {
+        "force_N": model.force,
+        "flux_linkage_Wb": model.flux_linkage,
+        "hall_T": flat(model.sensor.field).field,
+    }
+    for name, function in functions.items():
+        missed = function(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()) - rows[name]
+        assert np.abs(missed).max() < 2e-3 * np.abs(rows[name]).max(), name
 
 
 def _drawn(model, key):

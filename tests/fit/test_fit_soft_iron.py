@@ -12,9 +12,8 @@ from femfit.core.results import Finding
 from femfit.device.load import read_actuator
 from femfit.fit import coenergy_choice, ranking
 from femfit.fit.build import fit_model
-from femfit.fit.ranking import rank_laws
 from femfit.fit.soft_iron import fit_inductance
-from femfit.laws.catalogue import BUILT_IN, all_laws
+from femfit.laws.catalogue import all_laws
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model
 from femfit.model.several_magnetics import NetworkMagnetics
 from femfit.tables.measurement import InductanceTable
@@ -135,12 +134,6 @@ def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
     table = rows.linked[:, 0]
     flux = flat(fit.magnetics).flux_linkage(rows.distance, rows.current) - table
     assert np.sqrt(np.mean(flux**2)) < 0.02 * np.sqrt(np.mean(table**2))
-
-
-@pytest.mark.nightly
-def test_it_is_better_than_every_law_of_columns():
-    rows, fit = network_of("push")
-    assert fit.left_out < rank_laws(BUILT_IN, rows).recommended.error
 
 
 def test_the_model_keeps_the_law_and_says_its_misfit():

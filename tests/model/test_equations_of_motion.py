@@ -287,11 +287,7 @@ FEW = ["one circuit", "choke", "springs", "halves", "eddies", "halves with eddie
 
 @pytest.mark.parametrize("name", FEW)
 def test_a_sample_takes_as_many_steps_as_it_needs_for_half_a_percent_of_its_change(model_kind, name):
-    """Against Runge and Kutta, at random states that stay within the domain.
-
-    Half the length is four times as good, but for eddy currents, whose table holds the inductance within a step. Dry
-    friction that turns round within a step is left out.
-    """
+    """Half the length is four times as good, but for eddy currents, whose table holds the inductance within a step."""
     model = model_kind(name)
     steps, box, last = model.sample_step.count, model.validity, 2 + len(model.circuits)
     states, volts = states_of(model, 200)
