@@ -17,12 +17,7 @@ from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.device.outlines import circle
 from femfit.device.parts import LinearMaterial, NonlinearMaterial, Region
 from femfit.field.drawing import build_mesh, layer_outlines
-from femfit.field.layout import (
-    layout_of,
-    layout_of_group,
-    mover_outline,
-    stretch_groups,
-)
+from femfit.field.layout import layout_of, layout_of_group, mover_outline, stretch_groups
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings, settings_for
 from support import eddy_cases as cases
@@ -79,8 +74,7 @@ WIDE_BORE = replace(PLUNGER, moving=replace(PLUNGER.moving, regions=(THIN,)))
 
 @pytest.mark.parametrize("count", [12, 40])
 @pytest.mark.parametrize(
-    ("actuator", "ends"),
-    [(swept_over([NARROW]), (NARROW, FAR)), (PLUNGER, (5e-4, 0.012)), (WIDE_BORE, (NARROW, 4e-3))],
+    ("actuator", "ends"), [(swept_over([NARROW]), (NARROW, FAR)), (PLUNGER, (5e-4, 0.012)), (WIDE_BORE, (NARROW, 4e-3))]
 )
 def test_no_group_is_stretched_beyond_the_limit(actuator, ends, count):
     layout = layout_of(swept_at(actuator, tuple(np.geomspace(*ends, count))), SETTINGS)

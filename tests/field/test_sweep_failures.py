@@ -54,10 +54,7 @@ def assert_only_20_mm_failed(table, whole, reason):
 
 @pytest.mark.parametrize(
     ("fault", "reason"),
-    [
-        (starve_at_20_mm, "failed: out of memory"),
-        pytest.param(die_at_20_mm, "process died", marks=pytest.mark.nightly),
-    ],
+    [(starve_at_20_mm, "failed: out of memory"), pytest.param(die_at_20_mm, "process died", marks=pytest.mark.nightly)],
 )
 def test_a_worker_without_memory_or_killed_costs_its_own_rows_only(case, tmp_path, monkeypatch, fault, reason):
     sweep, whole, _ = case

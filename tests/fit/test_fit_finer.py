@@ -71,9 +71,7 @@ def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirr
 
 
 @pytest.mark.parametrize(
-    ("device", "currents", "distances"),
-    [*COARSE_GRIDS.values(), (POT, SIX, WIDE)],
-    ids=["valve", "hard pot", "pot"],
+    ("device", "currents", "distances"), [*COARSE_GRIDS.values(), (POT, SIX, WIDE)], ids=["valve", "hard pot", "pot"]
 )
 def test_what_is_missed_between_the_points_is_said_to_a_factor_of_three(device, currents, distances):
     """In rms; its own points the fit of the hard pot meets ten times better."""

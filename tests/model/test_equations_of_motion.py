@@ -93,8 +93,7 @@ LONG = ("magnets with eddies", 0.05)
 
 
 @pytest.mark.parametrize(
-    ("name", "seconds"),
-    [case for case in product(LINEAR, [1e-5, 5e-4, 5e-3, 0.05]) if case != LONG],
+    ("name", "seconds"), [case for case in product(LINEAR, [1e-5, 5e-4, 5e-3, 0.05]) if case != LONG]
 )
 def test_currents_of_a_held_body_decay_exactly_whatever_the_step(name, model_kind, seconds):
     """By the matrix exponential; where the midpoint method left 0.50 for 0.37, 0.63 for 0.22 and 0.91 for 0.15."""
