@@ -2,7 +2,6 @@
 
 import re
 import shutil
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -98,11 +97,6 @@ def test_a_damaged_file_says_so(tmp_path, swept):
     for content in (b"PK\x03\x04 not whole", b"", b"text", whole[: len(whole) // 2]):
         (tmp_path / NAME).write_bytes(content)
         with pytest.raises(TableError, match="Sweep again"):
-            read_eddy(tmp_path)
-    places = range(100, len(whole), len(whole) // 40)
-    for content in (whole[:at] + 8 * b"\xff" + whole[at + 8 :] for at in places):
-        (tmp_path / NAME).write_bytes(content)
-        with suppress(TableError):  # a spoilt date or the like is no damage
             read_eddy(tmp_path)
 
 

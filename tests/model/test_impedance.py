@@ -53,15 +53,6 @@ def test_a_lag_of_the_flux_shows_as_its_own_equation_of_states_says(levitation_m
     assert abs(share) < 0.9
 
 
-def test_a_lag_is_passive_and_vanishes_at_low_frequency(levitation_model):
-    model = with_effects(levitation_model, [added("eddy_current_lag", **LAG)])
-    z = model.impedance(0.022, 0.5, np.geomspace(1e-2, 1e5, 40))
-    assert (np.diff(z.real) > 0.0).all()
-    assert z[0] == pytest.approx(levitation_model.impedance(0.022, 0.5, 1e-2), rel=1e-6)
-    inductance = z.imag / (2.0 * np.pi * np.geomspace(1e-2, 1e5, 40))
-    assert inductance[-1] == pytest.approx(0.6 * levitation_model.inductance(0.022, 0.5), rel=1e-3)
-
-
 BOTH = ("resistance_ohm", "inductance_H")
 
 
