@@ -4,7 +4,6 @@ import dataclasses
 import math
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import ngsolve as ng
 import numpy as np
@@ -31,7 +30,7 @@ NARROW, FAR = 1e-4, 8e-3
 
 
 def swept_over(distances):
-    actuator = read_actuator(Path(__file__).parents[2] / "geometry" / "biased-electromagnet.toml")
+    actuator = read_actuator(GEOMETRY / "biased-electromagnet.toml")
     return replace(actuator, sensors=(), sweep=replace(actuator.sweep, distances_m=tuple(distances)))
 
 
@@ -67,7 +66,7 @@ def test_the_width_of_the_layer_does_not_matter_to_the_force():
     assert np.all(off <= np.array(near["force_error_N"]))  # the estimate covers the error
 
 
-PLUNGER = read_actuator(Path(__file__).parents[2] / "geometry" / "plunger-solenoid.toml")
+PLUNGER = read_actuator(GEOMETRY / "plunger-solenoid.toml")
 THIN = replace(PLUNGER.moving.regions[0], vertices_m=((0.0, 0.0), (2e-3, 0.0), (2e-3, 0.035), (0.0, 0.035)))
 WIDE_BORE = replace(PLUNGER, moving=replace(PLUNGER.moving, regions=(THIN,)))
 

@@ -2,7 +2,6 @@
 
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -169,7 +168,7 @@ def test_tolerances_that_say_nothing_and_swept_parameters_are_refused(tables, co
         numbers_from_toml(SMALL.split("[tolerances]", maxsplit=1)[0] + f"{tables}\n")
 
 
-POT_MAGNET = (Path(__file__).parents[2] / "geometry" / "pot-magnet.toml").read_text()
+POT_MAGNET = (GEOMETRY / "pot-magnet.toml").read_text()
 
 RINGED = (
     POT.replace(

@@ -11,12 +11,10 @@ from scipy.integrate import fixed_quad
 import femfit as ff
 from femfit.fit.build import fit_model
 from femfit.fit.rows import rms
-from femfit.tables.sweep_table import SweepTable
 from support.bearing import grid
 from support.closed_forms import FEW, HARD, NARROW, POT, SIX, VALVE, WIDE, steel_fit
 from support.one_current import flat
 from support.saturating_bearing import force, share
-from support.sweeps import full_table
 
 COARSE_GRIDS = {
     "valve": (VALVE, FEW, NARROW),
@@ -39,19 +37,6 @@ def test_points_that_a_coarse_sweep_is_told_to_add_twice_make_the_model_better_b
         currents, distances = np.union1d(currents, finer["current_A"]), np.union1d(distances, finer["distance_m"])
     assert missed[2][0] < 0.25 * missed[0][0]
     assert missed[2][1] < 0.6 * missed[0][1]
-
-
-def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
-    # Beyond a knee the force grows no further: six currents cannot tell where the knee stands
-    def knee(d, i):
-        return 2e-3 / d * np.minimum(i / 0.5, 2e-2 / d) ** 2
-
-    table = full_table(currents=np.linspace(0.0, 3.0, 6))
-    d, i = table.rows["distance_m"], table.rows["current_A"]
-    rows = table.rows.assign(force_N=knee(d, i)).drop(columns=["flux_linkage_Wb", "hall_T"])
-    fit = fit_model(SweepTable(rows, table.manifest), inductance_H=0.01)
-    assert fit.model.misfit.force_rms_relative > 0.01
-    assert any("too coarse" in note for note in fit.notes)
 
 
 def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirror_are_refined():
