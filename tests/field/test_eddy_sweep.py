@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit import fit_model, run_sweep
 from femfit.core.errors import TableError
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
@@ -15,8 +16,6 @@ from femfit.effects.effect import AddedEffect
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.signature_rows import impedance_slopes
-from femfit.field.sweep import run_sweep
-from femfit.fit.build import fit_model
 from femfit.model.with_effects import with_effects
 from femfit.tables.eddy_table import IMPEDANCES, NAME, read_eddy
 from femfit.tables.signatures import SLOPES_NAME

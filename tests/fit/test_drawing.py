@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit import fit_model, run_sweep
 from femfit.effects.effect import AddedEffect
-from femfit.field.sweep import run_sweep
-from femfit.fit.build import fit_model
 from femfit.model.with_effects import with_effects
 from femfit.tables.sweep_table import read_sweep_table
 from support.one_current import flat

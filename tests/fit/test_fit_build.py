@@ -7,15 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit import SweepTable, fit_model, read_model, simulate, write_model
 from femfit.core.errors import DomainError, MissingPartError, SimulationError, TableError
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.fit.build import fit_model
 from femfit.fit.ranking import as_written, misfit_to_rows
-from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import LawMagnetics
-from femfit.simulation.open_loop import simulate
-from femfit.tables.sweep_table import SweepTable
 from support.bearing import CIRCUITS, ENTRY, NAMES, table_of
 from support.closed_forms import Saturating, fit_of, pair_table, steel_fit
 from support.one_current import flat

@@ -8,7 +8,7 @@ import pytest
 import femfit as ff
 from femfit.fit.build import fit_model
 from femfit.fit.coenergy import fit_coenergy, obeyed_shapes
-from femfit.fit.rows import rows_of_table
+from femfit.fit.rows import rms, rows_of_table
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.several_magnetics import CoenergyTensor
 from support.bearing import grid
@@ -43,10 +43,6 @@ LONG = "pot from eleven"
 every_device = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.nightly] * (name == LONG)) for name in DEVICES]
 )
-
-
-def rms(values):
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def rows_of(table):

@@ -6,14 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit import SweepTable, fit_model
 from femfit.core.errors import FitError, TableError, UsageError
 from femfit.fit import bounded_qp
-from femfit.fit.build import fit_model
 from femfit.fit.ranking import rank_laws
 from femfit.fit.rows import rows_of_table
 from femfit.fit.sensed_field import fit_sensed
 from femfit.laws.dipoles import F1E, F2E
-from femfit.tables.sweep_table import SweepTable
 from support.bearing import DISTANCES, Bearing, table_of
 from support.closed_forms import POT, SIX, WIDE, Saturating, VoiceCoil, steel_sweep
 from support.plungers import plunger_table

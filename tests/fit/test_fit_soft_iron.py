@@ -7,11 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from femfit import fit_model, read_actuator
 from femfit.core.errors import FitError, ModelFileError, TableError, UsageError
 from femfit.core.results import Finding
-from femfit.device.load import read_actuator
 from femfit.fit import coenergy_choice, ranking
-from femfit.fit.build import fit_model
 from femfit.fit.soft_iron import fit_inductance
 from femfit.laws.catalogue import all_laws
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model
