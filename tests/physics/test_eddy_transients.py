@@ -1,10 +1,5 @@
-"""Eddy currents in time: a solenoid that pulls in, a step of voltage, and a magnet that a tube brakes.
+"""Eddy currents in time: a solenoid that pulls in, a step of voltage, and a magnet that a tube brakes."""
 
-The field goes in implicit steps, of which each stage minimises an energy: that of the static field, what the induced
-currents cost, and the supply's. Nothing of it is of the reduced models that it checks.
-"""
-
-import ngsolve as ng
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -13,147 +8,19 @@ import femfit as ff
 from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
-from femfit.field.harmonic import ConductorPoints, add_eddy_form, conductors
-from femfit.field.layout import layout_of
-from femfit.field.moving_mesh import MovingMesh
-from femfit.field.newton import Expansion, inner, minimise
-from femfit.field.nonlinear_system import NonlinearSystem, SummedInverse
 from femfit.field.source_fields import SourceFields
-from femfit.field.tolerance import SolverSettings
-from femfit.field.weak_form import LayerForce
 from femfit.model.dynamics import state_derivative
 from support import falling_magnet as fall
-from support.eddy_transient import GAMMA, mesh_for, pot_step
+from support.eddy_transient import FieldInTime, mesh_for, pot_step
 from support.small_drawing import DRAWINGS
 
 FLAT = (DRAWINGS / "flat-solenoid.toml").read_text(encoding="utf-8")
 NEAR, FAR = 0.4e-3, 1.2e-3  # from where to where it is pulled
 
-TOLERANCE = 1e-6  # of Newton's iteration
-
-
-class Stage:
-    """What :func:`femfit.field.newton.minimise` minimises: E(w) + s (w M w / 2 - held w) + R i^2 / (2 s).
-
-    With i = (volts + s (flux - load w)) / R its minimum solves K(w) w + s (M w - held) = load i and the circuit's
-    volts = R i + s (load w - flux).
-    """
-
-    def __init__(self, system, points, actuator):
-        self.system, self.points = system, points
-        self.resistance, self.load = actuator.circuits[0].resistance_ohm, system.circuits[0]
-        self._s = ng.Parameter(1.0)
-        self._form = system.points.tangent_on(system.space)
-        add_eddy_form(self._form, conductors(actuator), self._s)
-        self._inverse, self.ready = SummedInverse(system.space), False
-
-    def set(self, s, held, flux, volts):
-        """Take the rate s, rows of the induced currents' past, the flux linkage's, and the voltage."""
-        self.ready = self.ready and s == self._s.Get()
-        self._s.Set(s)
-        self.s, self.held, self.flux, self.volts = s, held, flux, volts
-
-    def move(self):
-        self.system.move()
-        self.ready = False
-
-    def current(self, w):
-        return (self.volts + self.s * (self.flux - inner(self.load, w))) / self.resistance
-
-    def lag(self, w):
-        """M w - held, as rows of the conductors' points."""
-        return self.points.rows(w[None])[0] - self.held
-
-    def evaluate(self, w, _):
-        static, i, s = self.system.evaluate(w, np.zeros(1)), self.current(w), self.s
-        rows = self.points.rows(w[None])[0]
-        cost = s * inner(self.points.weight, rows * (0.5 * rows - self.held))
-        induced = s * self.points.loads(self.lag(w)[None])[0]
-        square = s * inner(self.points.weight, rows**2) + s / self.resistance * inner(self.load, w) ** 2
-        return Expansion(
-            static.energy + cost + self.resistance * i * i / (2.0 * s),
-            static.gradient + induced - i * self.load,
-            static.square + square,
-        )
-
-    def renew(self, w):
-        self.system.points.set_tangent(self.system.points.flux_density(w))  # assembles a form too many
-        self._form.Assemble()
-        self._inverse.renew((self.system._air, self._form))
-        self._unit, self.ready = self._inverse.solve(self.load), True
-
-    def solve(self, right):
-        """Solve with it; the circuit adds a matrix of rank one."""
-        plain, share = self._inverse.solve(right), self.s / self.resistance
-        along = share * inner(self.load, plain) / (1.0 + share * inner(self.load, self._unit))
-        return plain - along * self._unit
-
-
-class PullIn:
-    """The field of an actuator with one circuit, at distances of one stretched mesh."""
-
-    def __init__(self, actuator, distances, order, skin_frequency_Hz):
-        settings = SolverSettings(order=order, skin_frequency_Hz=skin_frequency_Hz)
-        self.actuator = actuator
-        self.moving = MovingMesh(actuator, tuple(sorted(distances)), layout_of(actuator, settings), settings)
-        self.system = NonlinearSystem(self.moving, actuator, order)
-        self.points = ConductorPoints(self.system.space, actuator, self.moving.reference)
-        self.stage = Stage(self.system, self.points, actuator)
-        self.layer = LayerForce(self.system.space, self.moving.mover_weight)
-
-    def force(self, w, current):
-        """On the moving part in N, of the last stage."""
-        system, stage = self.system, self.stage
-        induced = stage.s * self.points.loads(stage.lag(w)[None], moving=True)[0]
-        magnetised = system.points.magnetisation(system.points.flux_density(w)) * system.points.moving
-        load = system.points.load(magnetised) + current * system.own_circuits[0] - induced
-        return (self.layer.of_sum(w[None]) - self.layer.of_sum(system.solve_free(load[None]))).item()
-
-    def run(self, volts, start, steps, *, until=None):
-        """Times, distances, currents, flux linkages and forces from rest at a distance, by steps in s.
-
-        Without ``until`` the body is held; else it moves until that distance.
-        """
-        stage, motion = self.stage, self.actuator.mechanics
-        w, held, flux = np.zeros(self.system.space.ndof), np.zeros(len(self.points.weight)), 0.0
-        distance, velocity, time = start, 0.0, 0.0
-        acceleration = 0.0 if until is None else self._acceleration(motion, start, 0.0, 0.0)
-        rows, at = [(0.0, start, 0.0, 0.0, 0.0)], None
-        for step in steps:
-            s, share = 1.0 / (GAMMA * step), (1.0 - GAMMA) / GAMMA
-            base, base_flux = held, flux
-            for part in (GAMMA, 1.0):
-                place = distance + part * step * velocity + 0.5 * (part * step) ** 2 * acceleration
-                if place != at:
-                    self.moving.move_to(place)
-                    stage.move()
-                    at = place
-                stage.set(s, base, base_flux, volts)
-                found = minimise(stage, np.zeros(1), w, tolerance=TOLERANCE)
-                assert found.converged, found.history
-                w = found.state
-                now, linked = self.points.rows(w[None])[0], inner(stage.load, w)
-                base, base_flux = held + share * (now - held), flux + share * (linked - flux)
-            held, flux, current = now, linked, stage.current(w)
-            pull = self.force(w, current)
-            distance, time = place, time + step
-            if until is not None:
-                after = self._acceleration(motion, distance, velocity, pull)
-                velocity, acceleration = velocity + 0.5 * step * (acceleration + after), after
-            rows.append((time, distance, current, flux, pull))
-            if until is not None and distance <= until:
-                break
-        self.moving.move_to(self.moving.reference)
-        return np.array(rows).T
-
-    @staticmethod
-    def _acceleration(motion, distance, velocity, force):
-        return float(motion.acceleration(np.array(distance), np.array(velocity), np.array(force), 1e-3))
-
 
 def switched_field(volts, step):
-    """The pull-in of the flat solenoid by the field, as of :meth:`PullIn.run`; the first step in fifths."""
-    field = PullIn(actuator_from_toml(FLAT), np.linspace(NEAR, FAR, 7), 3, 1000.0)
+    """The pull-in of the flat solenoid by the field, as of :meth:`FieldInTime.run`; the first step in fifths."""
+    field = FieldInTime(actuator_from_toml(FLAT), np.linspace(NEAR, FAR, 7), 3, 1000.0)
     return field.run(volts, FAR, np.r_[np.full(5, step / 5.0), np.full(1000, step)], until=NEAR)
 
 
@@ -201,7 +68,7 @@ def test_solid_steel_switches_late_and_the_model_says_by_how_much(model, volts):
 @pytest.mark.nightly
 def test_the_field_in_time_ends_in_the_static_state():
     actuator = actuator_from_toml(FLAT)
-    field = PullIn(actuator, [FAR], 2, 30.0)
+    field = FieldInTime(actuator, [FAR], 2, 30.0)
     _, distances, currents, flux, force = field.run(2.0, FAR, np.geomspace(1e-4, 0.1, 24))
     assert set(distances) == {FAR}
     assert currents[-1] == pytest.approx(2.0 / actuator.circuits[0].resistance_ohm, rel=1e-4)
