@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
-from femfit.fit.eddy import _splines, as_table, conductivities, fit_eddy
+from femfit.fit.eddy import _entries, _splines, as_table, conductivities, fit_eddy
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.bspline import DistanceCoordinate, basis_matrix
 from femfit.model.magnetics import MagneticState
@@ -153,6 +153,12 @@ def test_beside_iron_that_saturates_nothing_swings_between_the_distances():
     assert np.diff(along).min() >= -1e-9
     at = (basis_matrix(coordinate.with_slopes(distances)[0], knots, 3) @ coefficients)[:, 0]
     assert at == pytest.approx(values[:, 0])
+
+
+def test_without_the_flux_at_rest_the_patterns_of_small_currents_are_taken():
+    table = made_up(hall=False)
+    biased = replace(table, bias_A=np.ones((len(DISTANCES), 1)))
+    np.testing.assert_array_equal(_entries(biased)[0], _entries(table)[0])
 
 
 def test_inductances_that_are_not_positive_and_a_single_distance_make_no_model():

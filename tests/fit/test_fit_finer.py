@@ -10,11 +10,13 @@ from scipy.integrate import fixed_quad
 
 import femfit as ff
 from femfit.fit.build import fit_model
-from femfit.fit.rows import rms
+from femfit.fit.coenergy_system import held_out_masks
+from femfit.fit.rows import rms, rows_of_table
 from support.bearing import grid
 from support.closed_forms import FEW, HARD, NARROW, POT, SIX, VALVE, WIDE, steel_fit
 from support.one_current import flat
 from support.saturating_bearing import force, share
+from support.sweeps import full_table
 
 COARSE_GRIDS = {
     "valve": (VALVE, FEW, NARROW),
@@ -37,6 +39,19 @@ def test_points_that_a_coarse_sweep_is_told_to_add_twice_make_the_model_better_b
         currents, distances = np.union1d(currents, finer["current_A"]), np.union1d(distances, finer["distance_m"])
     assert missed[2][0] < 0.25 * missed[0][0]
     assert missed[2][1] < 0.6 * missed[0][1]
+
+
+@pytest.mark.parametrize(("table", "times"), [(full_table(), None), (POT.table(SIX, WIDE), 1)])
+def test_rows_left_out_keep_the_ends_of_both_axes_and_scattered_ones_come_once(table, times):
+    rows = rows_of_table(table)
+    masks = held_out_masks(rows)
+    for mask in masks:
+        fitted = rows.take(~mask)
+        assert fitted.distances[[0, -1]].tolist() == rows.distances[[0, -1]].tolist()
+        assert fitted.currents[[0, -1]].tolist() == rows.currents[[0, -1]].tolist()
+    edge = np.isin(rows.distance, rows.distances[[0, -1]]) | np.isin(rows.current, rows.currents[[0, -1]])
+    if times:
+        np.testing.assert_array_equal(np.sum(masks, axis=0), np.where(edge, 0, times))
 
 
 def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirror_are_refined():

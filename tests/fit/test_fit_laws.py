@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from femfit.fit.constants import TARGET
-from femfit.fit.law_columns import coefficient_bounds, fit_coefficient_function
+from femfit.fit.law_columns import coefficient_bounds, fit_coefficient_function, term_bounds
 from femfit.fit.law_fit import fit_law
-from femfit.fit.ranking import rank_laws
+from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN, law_by_name
 from femfit.laws.dipoles import F1E, F2E
@@ -91,6 +91,15 @@ def test_ranking_of_a_closed_form_reaches_half_a_percent_within_sixty_operations
     assert ranking.recommended.fit.operations <= 60
 
 
+def test_folds_leave_out_every_inner_row_and_keep_the_ends(paper_rows):
+    folds = ranking_folds(paper_rows)
+    distances, currents = paper_rows.distances, paper_rows.currents
+    blocks = np.sum(folds[:8], axis=0)
+    inner = (paper_rows.distance > distances[0]) & (paper_rows.distance < distances[-1])
+    np.testing.assert_array_equal(blocks, inner)
+    assert len(folds) == 8 + len(currents) - 2
+
+
 def test_a_laws_attracting_bound_holds_at_positive_currents_and_leaves_negative_ones_free():
     both_signs = force_table(paper_force, currents=np.linspace(-0.3, 0.3, 7))
     fit = fit_law(F1E, rows_of_table(both_signs, MASS, G))
@@ -144,6 +153,19 @@ def test_held_out_currents_choose_a_constant_for_the_papers_a():
     a = fit_coefficient_function(I, TABLE_3["a_N_m4"].to_numpy(), "a", ABOVE_ZERO)
     assert a.name == "constant"
     assert min(a.held_out, key=a.held_out.get) == "constant"
+
+
+def test_bounds_of_currents_become_boxes_and_turn_around_with_the_sign():
+    limits = term_bounds(
+        ["affine", "through-origin"], ["x", "y"], np.array([0.0, 1.0, 2.0]), np.repeat(ABOVE_ZERO[:, :3], 2, axis=2)
+    )
+    np.testing.assert_array_equal(limits.lower, [0.0, -np.inf, 0.0])
+    np.testing.assert_array_equal(limits.inequalities.matrix, [[1, 1, 0], [1, 2, 0]])
+    assert limits.sides == ("lower", "lower")
+    bounds = np.tile(np.reshape([-1.0, 4.0], (2, 1, 1)), (2, 1))
+    limits = term_bounds(["through-origin"], ["x"], np.array([-2.0, 1.0]), bounds)
+    # -1 <= -2 m <= 4 and -1 <= m <= 4 together: -1 <= m <= 0.5.
+    assert (limits.lower[0], limits.upper[0]) == (-1.0, 0.5)
 
 
 @pytest.mark.parametrize(
