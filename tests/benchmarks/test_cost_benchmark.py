@@ -98,8 +98,8 @@ def by_unknowns():
     for corner, region in ELEMENTS:
         settings = SolverSettings(corner_fraction=corner, region_fraction=region, grading=0.3)
         problem = LinearActuator(rig, (0.022,), layout_of(rig, settings), settings, estimate=False)
-        factorisation = problem._system._inverse._inverse
-        found.append((problem.unknowns, least(partial(problem.solve, 0.022)), 2.0 * least(factorisation.Update)))
+        whole, finest = least(partial(problem.solve, 0.022)), problem._system._levels[-1]
+        found.append((problem.unknowns, whole, 2.0 * least(finest._inverse._inverse.Update)))
     return np.array(found)
 
 
