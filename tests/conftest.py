@@ -42,7 +42,6 @@ def expected(request):
 
 @pytest.fixture(scope="session")
 def renew(request):
-    """Whether what is got becomes what is expected."""
     return request.config.getoption("--renew")
 
 
@@ -77,7 +76,6 @@ def made_once(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def rig_sweep(made_once):
-    """The table of emaws-rig as drawn, 488 points."""
     rig = GEOMETRY / "emaws-rig.toml"
     return made_once("rig-sweep", lambda place: run_sweep(rig, place, workers=1))  # a process starts in 3 s
 

@@ -70,7 +70,6 @@ def pick(items: Any, random: np.random.Generator) -> Any:
 
 
 def telling(lines: list[bytes]) -> list[int]:
-    """Places of the lines that are no comments."""
     return [k for k, line in enumerate(lines) if line.strip() and not line.startswith(b"#")] or [0]
 
 
@@ -123,7 +122,6 @@ def changed_entry(content: bytes, other: bytes, random: np.random.Generator) -> 
 
 
 def places(holder: Any) -> Iterator[tuple[Any, Any]]:
-    """Every dictionary and list with each of its keys and places."""
     for key in list(holder) if isinstance(holder, dict) else range(len(holder)):
         yield holder, key
         if isinstance(holder[key], dict | list):
@@ -373,7 +371,6 @@ def outcome(use: Callable[[Path], Any], path: Path, seed: tuple[bytes, Any]) -> 
 
 
 def changes(before: bytes, after: bytes) -> str:
-    """The lines that a damage took and brought."""
     lines = [content.split(b"\n") for content in (before, after)]
     gone, new = (sorted({*some}.difference(others), key=some.index)[:4] for some, others in (lines, lines[::-1]))
     return f"{len(before)} to {len(after)} bytes\n  - {str(gone)[:400]}\n  + {str(new)[:400]}"

@@ -40,7 +40,6 @@ def certain_without_the_cause(directory, outcomes):
 
 
 def main():
-    """Solve, measure, diagnose and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("set", choices=SETS)
     parser.add_argument("drawing", type=Path)

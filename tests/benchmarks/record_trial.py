@@ -13,11 +13,8 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
+from femfit import fit_model, read_actuator, run_sweep, write_model
 from femfit.core.files import write_json
-from femfit.device.load import read_actuator
-from femfit.field.sweep import run_sweep
-from femfit.fit.build import fit_model
-from femfit.model.json_file import write_model
 from femfit.trial.campaigns import diagnose_campaigns
 from support.trial.campaigns import read_judged, set_lines
 from support.trial.records import CAUSES, record
@@ -46,7 +43,6 @@ def make_records(device: str, directory: Path, cases: int, seed: int, workers: i
 
 
 def main():
-    """Record, diagnose and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--cases", type=int, default=2)

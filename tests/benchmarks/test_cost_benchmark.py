@@ -1,13 +1,14 @@
 """What the field solver's work costs, against the number of points and of unknowns; writes docs/cost.md.
 
-Run with ``python -m pytest -m benchmark -s tests/benchmarks/test_cost_benchmark.py``. Processor seconds of one thread
-are measured, which other work on the machine disturbs less than the time on the wall; the least of the repeats counts.
+Processor seconds of one thread are disturbed less by other work on the machine than the time on the wall.
 """
 
 import resource
 import subprocess
 import time
+from functools import partial
 from importlib.resources import files
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from femfit.device.load import read_actuator, starter_text
 from femfit.field.layout import layout_of
 from femfit.field.problem import LinearActuator
 from femfit.field.sweep import run_sweep
+from femfit.field.sweep_task import MESHES
 from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY, swept_at
 from support.command import FEMFIT
@@ -50,26 +52,19 @@ def least(work):
 
 def by_points(tmp_path):
     """(points, seconds at the default settings, seconds at a tolerance of 0.1 %) of sweeps in this process."""
-    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
+    rig, fresh = read_actuator(GEOMETRY / "emaws-rig.toml"), count()
+
+    def sweep_once(actuator, tolerance):
+        MESHES.clear()  # as in a new process
+        settings = SolverSettings(tolerance=tolerance)
+        run_sweep(actuator, tmp_path / str(next(fresh)), workers=1, settings=settings)
+
     found = []
-    for count in DISTANCES:
-        chosen = tuple(np.array(rig.sweep.distances_m)[np.linspace(0, 60, count).round().astype(int)].tolist())
-        actuator = swept_at(rig, chosen)
-        seconds = []
-        for tolerance in (None, 1e-3):
-            fresh = iter(range(REPEATS))
-            settings = SolverSettings(tolerance=tolerance)
-            place = tmp_path / f"{count}-{tolerance}"
-            seconds.append(least(lambda a=actuator, s=settings, p=place, f=fresh: sweep_once(a, p / str(next(f)), s)))
-        found.append((count * len(rig.sweep.currents_A), *seconds))
+    for n in DISTANCES:
+        chosen = np.array(rig.sweep.distances_m)[np.linspace(0, 60, n).round().astype(int)].tolist()
+        swept = (partial(sweep_once, swept_at(rig, chosen), tolerance) for tolerance in (None, 1e-3))
+        found.append((n * len(rig.sweep.currents_A), *map(least, swept)))
     return np.array(found)
-
-
-def sweep_once(actuator, directory, settings):
-    from femfit.field.sweep_task import MESHES
-
-    MESHES.clear()  # as in a new process
-    run_sweep(actuator, directory, workers=1, settings=settings)
 
 
 def timed_command(name, solver, directory):
@@ -103,19 +98,16 @@ def by_unknowns():
     for corner, region in ELEMENTS:
         settings = SolverSettings(corner_fraction=corner, region_fraction=region, grading=0.3)
         problem = LinearActuator(rig, (0.022,), layout_of(rig, settings), settings, estimate=False)
-        whole = least(lambda problem=problem: problem.solve(0.022))
-        factorisation = problem._system._inverse._inverse
-        found.append((problem.unknowns, whole, 2.0 * least(factorisation.Update)))
+        whole, finest = least(partial(problem.solve, 0.022)), problem._system._levels[-1]
+        found.append((problem.unknowns, whole, 2.0 * least(finest._inverse._inverse.Update)))
     return np.array(found)
 
 
 def exponent(size, seconds):
-    """Slope of log(seconds) over log(size)."""
     return float(np.polyfit(np.log(size), np.log(seconds), 1)[0])
 
 
 def page(points, unknowns, commands):
-    """The table, in Markdown."""
     n, whole, factorising = unknowns.T
     powers = {
         "default": exponent(points[1:, 0], points[1:, 1]),
@@ -127,8 +119,7 @@ def page(points, unknowns, commands):
         "rest": exponent(n, whole - factorising),
     }
     template = Template(Path(__file__).with_name("cost.md.j2").read_text(encoding="utf-8"), keep_trailing_newline=True)
-    measured = {"points": points.tolist(), "unknowns": unknowns.tolist(), "commands": commands}
-    return template.render(powers=powers, **measured)
+    return template.render(powers=powers, points=points.tolist(), unknowns=unknowns.tolist(), commands=commands)
 
 
 @pytest.mark.benchmark
@@ -136,7 +127,6 @@ def test_cost_against_points_and_unknowns(tmp_path):
     import ngsolve
 
     ngsolve.SetNumThreads(1)  # as the sweep's workers do
-    points, unknowns, commands = by_points(tmp_path), by_unknowns(), by_commands(tmp_path)
-    text = page(points, unknowns, commands)
+    text = page(by_points(tmp_path), by_unknowns(), by_commands(tmp_path))
     (DOCS / "cost.md").write_text(text, encoding="utf-8")
     print("\n" + text)

@@ -2,13 +2,13 @@
 
 import re
 import shutil
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from femfit import fit_model, run_sweep
 from femfit.core.errors import TableError
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
@@ -16,8 +16,6 @@ from femfit.effects.effect import AddedEffect
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.signature_rows import impedance_slopes
-from femfit.field.sweep import run_sweep
-from femfit.fit.build import fit_model
 from femfit.model.with_effects import with_effects
 from femfit.tables.eddy_table import IMPEDANCES, NAME, read_eddy
 from femfit.tables.signatures import SLOPES_NAME
@@ -98,11 +96,6 @@ def test_a_damaged_file_says_so(tmp_path, swept):
     for content in (b"PK\x03\x04 not whole", b"", b"text", whole[: len(whole) // 2]):
         (tmp_path / NAME).write_bytes(content)
         with pytest.raises(TableError, match="Sweep again"):
-            read_eddy(tmp_path)
-    places = range(100, len(whole), len(whole) // 40)
-    for content in (whole[:at] + 8 * b"\xff" + whole[at + 8 :] for at in places):
-        (tmp_path / NAME).write_bytes(content)
-        with suppress(TableError):  # a spoilt date or the like is no damage
             read_eddy(tmp_path)
 
 

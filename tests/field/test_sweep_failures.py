@@ -1,4 +1,4 @@
-"""Exhausted memory, a full disk, a mesh that fails, SIGKILL; workers, meshes and journals know no kind of sweep."""
+"""Exhausted memory, a full disk, a mesh that fails, SIGKILL, a tolerance's levels: no kind of sweep loses its rows."""
 
 import contextlib
 import dataclasses
@@ -15,9 +15,12 @@ import pytest
 from femfit.core.errors import FieldSolverError
 from femfit.device.rewrite import read_variants, variants_from_toml
 from femfit.field import moving_mesh, sweep_task
+from femfit.field import tolerance as tolerance_module
 from femfit.field.sweep import run_sweep
+from femfit.field.sweep_rows import summarise
+from femfit.field.sweep_task import DIED
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY
+from support.actuators import GEOMETRY, device, magnet
 from support.command import FEMFIT
 from support.dying_worker import die_at_20_mm, starve_at_20_mm
 from support.small_drawing import SMALL
@@ -36,7 +39,6 @@ def sweep_of():
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    """Sweep, its table and directory."""
     sweep, directory = sweep_of(), tmp_path_factory.mktemp("whole")
     sweep_task.MESHES.clear()
     return sweep, run_sweep(sweep, directory, workers=1, settings=QUICK), directory
@@ -52,10 +54,7 @@ def assert_only_20_mm_failed(table, whole, reason):
 
 @pytest.mark.parametrize(
     ("fault", "reason"),
-    [
-        (starve_at_20_mm, "failed: out of memory"),
-        pytest.param(die_at_20_mm, "process died", marks=pytest.mark.nightly),
-    ],
+    [(starve_at_20_mm, "failed: out of memory"), pytest.param(die_at_20_mm, "process died", marks=pytest.mark.nightly)],
 )
 def test_a_worker_without_memory_or_killed_costs_its_own_rows_only(case, tmp_path, monkeypatch, fault, reason):
     sweep, whole, _ = case
@@ -170,3 +169,57 @@ def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(tmp_path):
     pd.testing.assert_frame_equal(resumed.rows, whole.rows, check_exact=True)
     for name in ("sweep.csv", "sweep.parquet", "manifest.json"):
         assert (target / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+TO_A_PERCENT = SolverSettings(tolerance=1e-2)
+GROUPS = (0.01, 0.0105, 0.011, 0.0115, 0.03, 0.031, 0.032, 0.033)
+
+
+@pytest.fixture(scope="module")
+def actuator():
+    lower = magnet(1.3, 0.01, 0.01, z_min=-0.01, name="lower")
+    return device("pair", fixed=[lower], moving=[magnet(1.3, 0.01, 0.01)], distances=GROUPS)
+
+
+@pytest.fixture(scope="module")
+def to_a_percent(actuator, tmp_path_factory):
+    directory, calls = tmp_path_factory.mktemp("whole"), []
+    table = run(actuator, directory, progress=lambda at: calls.append((at.points_done, at.points)))
+    return directory, table, calls
+
+
+def run(actuator, directory, workers=1, **options):
+    sweep_task.MESHES.clear()  # as in a new process
+    return run_sweep(actuator, directory, workers=workers, settings=TO_A_PERCENT, **options)
+
+
+def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, to_a_percent, tmp_path, monkeypatch):
+    directory, expected, calls = to_a_percent
+    assert calls == [(done, 8) for done in range(9)]
+    lines = (directory / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    assert len(lines) == 1 + len(GROUPS)
+    searches = []
+    search = tolerance_module.meet_tolerance
+    monkeypatch.setattr("femfit.field.problem.meet_tolerance", lambda *given: searches.append(given) or search(*given))
+    for kept in (2, 6):
+        target = tmp_path / str(kept)
+        target.mkdir()
+        (target / "journal.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
+        chosen = sum("choice" in json.loads(line).get("result", json.loads(line)) for line in lines[:kept])
+        assert chosen == min(kept - 1, 2)
+        searches.clear()
+        resumed = run(actuator, target)
+        assert len(searches) == 2 - chosen  # what the journal has is not searched again
+        pd.testing.assert_frame_equal(resumed.rows, expected.rows, check_exact=True)
+
+
+def test_a_worker_that_dies_at_a_level_costs_that_group_until_the_command_is_given_again(
+    actuator, to_a_percent, tmp_path, monkeypatch
+):
+    solve = sweep_task.solve_task
+    monkeypatch.setattr(
+        sweep_task, "solve_task", lambda task: dict(DIED) if task.distance == GROUPS[0] else solve(task)
+    )
+    assert summarise(run(actuator, tmp_path))["failures"] == {DIED["status"]: 4}
+    monkeypatch.undo()
+    pd.testing.assert_frame_equal(run(actuator, tmp_path).rows, to_a_percent[1].rows, check_exact=True)

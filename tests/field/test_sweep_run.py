@@ -1,4 +1,4 @@
-"""The sweep as a run: table, journal, resumption, workers that die; and what its summary says of errors."""
+"""The sweep as a run: table, journal, resumption, variants, workers that die; and what its summary says of errors."""
 
 import dataclasses
 import shutil
@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 
 from femfit.core.sweep_columns import COLUMNS
-from femfit.device.load import read_actuator
+from femfit.device.load import actuator_from_tables, parse, read_actuator
 from femfit.device.parts import NonlinearMaterial
+from femfit.device.rewrite import variants_from_toml
 from femfit.field import sweep_task
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
@@ -29,14 +30,12 @@ def few():
 
 @pytest.fixture(scope="module")
 def whole(few, tmp_path_factory):
-    """Directory, table and progress of the four distances."""
     directory, states = tmp_path_factory.mktemp("whole"), []
     return directory, run_sweep(few, directory, workers=1, settings=QUICK, progress=states.append), states
 
 
 @pytest.fixture
 def solved(whole, tmp_path):
-    """A copy of its directory, to be changed."""
     shutil.copytree(whole[0], tmp_path, dirs_exist_ok=True)
     return tmp_path
 
@@ -121,3 +120,63 @@ def test_rows_that_miss_the_tolerance_are_counted_at_each_distance_on_its_own():
     )
     assert summary_of([0.0, 1.0, 2.0], 0.01, [0.1] * 3, [1e-5, 2e-5, 3e-5], 1.5e-4)["rows_beyond_tolerance"] == 2
     assert "rows_beyond_tolerance" not in summary_of([0.0, 1.0, 2.0], 0.01, [0.1] * 3, [1e-5, 2e-5, 3e-5])
+
+
+VARIANTS = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
+NAMES = ["coils.coil.turns", "magnet_temperature_C", "sleeve_radius_m"]
+
+
+@pytest.fixture(scope="module")
+def of_variants(tmp_path_factory):
+    variants = variants_from_toml(VARIANTS.replace("stop = 45, step = 5", "stop = 25, step = 5"))
+    return run_sweep(variants, tmp_path_factory.mktemp("whole"), workers=1, settings=QUICK)
+
+
+def test_the_table_has_a_column_for_each_parameter_and_a_row_for_each_point(of_variants):
+    names = [name for name in COLUMNS if not name.startswith("newton_")]
+    assert list(of_variants.rows.columns) == [*names, "variant", *NAMES]
+    assert len(of_variants.rows) == 3 * 3 * 3
+    assert not of_variants.rows.duplicated(["current_A", "distance_m", "variant"]).any()
+    assert of_variants.rows[["variant", *NAMES]].drop_duplicates().to_numpy().tolist() == [
+        [1, 308, 20, 0.01],
+        [2, 308, 80, 0.01],
+        [3, 250, 20, 0.011],
+    ]
+    assert of_variants.manifest["parameters"] == NAMES
+
+
+def test_each_variant_has_the_rows_that_its_own_file_gives(of_variants, tmp_path):
+    for number, (turns, temperature, radius) in enumerate([(308, 20, 10), (308, 80, 10), (250, 20, 11)], 1):
+        data = parse(VARIANTS.replace("stop = 45, step = 5", "stop = 25, step = 5"), "text")
+        data["sweep"] = {key: data["sweep"][key] for key in ("current_A", "distance_mm")}
+        data["coils"]["coil"] |= {"turns": turns, "r_mm": [radius, 20]}
+        data["fixed"]["regions"]["sleeve"]["r_mm"] = [2.5, radius]
+        data["moving"]["regions"]["magnet"]["temperature_C"] = temperature
+        alone = run_sweep(actuator_from_tables(data, "text"), tmp_path / str(number), workers=1, settings=QUICK)
+        own = (
+            of_variants.rows[of_variants.rows["variant"] == number]
+            .drop(columns=["variant", *NAMES])
+            .reset_index(drop=True)
+        )
+        pd.testing.assert_frame_equal(own, alone.rows, check_exact=True)
+
+
+MATERIALS = """[sweep.parameters]
+"moving.regions.magnet.material" = ["n42", "n52"]
+[sweep]
+current_A = [0, 1]
+distance_mm = [15, 20]
+"""
+
+
+def test_materials_are_columns_of_text_that_both_files_keep(tmp_path):
+    swept = variants_from_toml(VARIANTS.split("[sweep]")[0] + MATERIALS)
+    table = run_sweep(swept, tmp_path, workers=1, settings=QUICK)
+    name = "moving.regions.magnet.material"
+    assert table.rows[name].tolist() == ["n42"] * 4 + ["n52"] * 4
+    assert [entry[name] for entry in table.manifest["variants"]] == ["n42", "n52"]
+    force = table.rows[table.rows["current_A"] == 0.0].set_index([name, "distance_m"])["force_N"]
+    # Quadratic in the remanence; the grades have one recoil permeability, so that the meshes' errors are alike too.
+    np.testing.assert_allclose(force.loc["n42"] / force.loc["n52"], (1.312 / 1.464) ** 2, rtol=1e-9)
+    for path in (tmp_path / "sweep.parquet", tmp_path / "sweep.csv"):
+        pd.testing.assert_frame_equal(read_sweep_table(path).rows, table.rows, check_exact=True)

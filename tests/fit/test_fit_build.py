@@ -7,16 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import DomainError, MissingPartError, SimulationError, TableError, UsageError
+from femfit import SweepTable, fit_model, read_model, simulate, write_model
+from femfit.core.errors import DomainError, MissingPartError, SimulationError, TableError
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.fit.build import fit_model
 from femfit.fit.ranking import as_written, misfit_to_rows
-from femfit.fit.rows import rows_of_table
-from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import LawMagnetics
-from femfit.simulation.open_loop import simulate
-from femfit.tables.sweep_table import SweepTable
 from support.bearing import CIRCUITS, ENTRY, NAMES, table_of
 from support.closed_forms import Saturating, fit_of, pair_table, steel_fit
 from support.one_current import flat
@@ -51,13 +47,10 @@ def disk():
 
 def test_a_full_table_gives_a_complete_model():
     fit = fit_of("rig")
-    model = fit.model
-    assert (model.name, model.circuit.resistance_ohm, model.motion.mass_kg, model.sensor.adc_bits) == (
-        "test-rig", 2.69, MASS, 12,
-    )  # fmt: skip
-    assert model.reference_distances_m == (0.022, 0.03)
-    assert (model.validity.distance_min_m, model.validity.distance_max_m) == (0.015, 0.045)
-    assert fit.notes == ()
+    model, box = fit.model, fit.model.validity
+    assert (model.name, model.circuit.resistance_ohm, model.motion.mass_kg) == ("test-rig", 2.69, MASS)
+    assert (model.sensor.adc_bits, model.reference_distances_m) == (12, (0.022, 0.03))
+    assert (box.distance_min_m, box.distance_max_m, fit.notes) == (0.015, 0.045, ())
     assert (fit.misfit.against, fit.misfit.rows) == ("sweep", 488)
     assert fit.misfit.force_rms_of_weight < 1e-3
     assert fit.misfit.force_max_N >= fit.misfit.force_rms_N
@@ -288,20 +281,3 @@ def test_a_bound_of_ones_own_holds_a_coefficient():
     assert (second.active, second.ci95, second.unit) == ("upper", None, "N m^2 A^-1")
     assert first.active == ""
     assert first.ci95[0] < first.value < first.ci95[1]
-
-
-@pytest.mark.parametrize("functions", [("affine",), ("affine", "nope"), ("affine", "affine", "affine")])
-def test_functions_that_are_no_choice_for_each_column_are_refused(functions):
-    with pytest.raises(UsageError, match="2 columns"):
-        fit_model(full_table(), law="F1e", functions=functions)
-
-
-def test_bounds_and_functions_without_a_law_are_refused():
-    with pytest.raises(UsageError, match="one law only"):
-        fit_model(full_table(), bounds={"d^-4": (0.0, 1.0)})
-
-
-def test_an_inductance_without_a_flux_linkage_is_not_read():
-    table = force_table(lambda d, i: 1e-6 * i**2 / d**2)
-    noted = replace(table, rows=table.rows.assign(inductance_H="see notes"))
-    assert rows_of_table(noted).inductance is None

@@ -1,15 +1,17 @@
-"""Where a sweep is too coarse for its model, its user is told what to add, and that helps."""
+"""Where a sweep is too coarse for its model, its user is told what to add, and that helps; a sharp knee."""
 
 import re
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.integrate import fixed_quad
 
+import femfit as ff
 from femfit.fit.build import fit_model
 from femfit.fit.coenergy_system import held_out_masks
 from femfit.fit.rows import rms, rows_of_table
-from femfit.tables.sweep_table import SweepTable
 from support.bearing import grid
 from support.closed_forms import FEW, HARD, NARROW, POT, SIX, VALVE, WIDE, steel_fit
 from support.one_current import flat
@@ -37,19 +39,6 @@ def test_points_that_a_coarse_sweep_is_told_to_add_twice_make_the_model_better_b
         currents, distances = np.union1d(currents, finer["current_A"]), np.union1d(distances, finer["distance_m"])
     assert missed[2][0] < 0.25 * missed[0][0]
     assert missed[2][1] < 0.6 * missed[0][1]
-
-
-def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
-    # Beyond a knee the force grows no further: six currents cannot tell where the knee stands
-    def knee(d, i):
-        return 2e-3 / d * np.minimum(i / 0.5, 2e-2 / d) ** 2
-
-    table = full_table(currents=np.linspace(0.0, 3.0, 6))
-    d, i = table.rows["distance_m"], table.rows["current_A"]
-    rows = table.rows.assign(force_N=knee(d, i)).drop(columns=["flux_linkage_Wb", "hall_T"])
-    fit = fit_model(SweepTable(rows, table.manifest), inductance_H=0.01)
-    assert fit.model.misfit.force_rms_relative > 0.01
-    assert any("too coarse" in note for note in fit.notes)
 
 
 @pytest.mark.parametrize(("table", "times"), [(full_table(), None), (POT.table(SIX, WIDE), 1)])
@@ -82,9 +71,7 @@ def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirr
 
 
 @pytest.mark.parametrize(
-    ("device", "currents", "distances"),
-    [*COARSE_GRIDS.values(), (POT, SIX, WIDE)],
-    ids=["valve", "hard pot", "pot"],
+    ("device", "currents", "distances"), [*COARSE_GRIDS.values(), (POT, SIX, WIDE)], ids=["valve", "hard pot", "pot"]
 )
 def test_what_is_missed_between_the_points_is_said_to_a_factor_of_three(device, currents, distances):
     """In rms; its own points the fit of the hard pot meets ten times better."""
@@ -97,3 +84,32 @@ def test_what_is_missed_between_the_points_is_said_to_a_factor_of_three(device, 
         truth = getattr(device, quantity)(d, i)
         missed = rms(getattr(flat(fit.model.magnetics), quantity)(d, i) - truth) / rms(truth)
         assert missed / 3.0 < shares[quantity] < 3.0 * missed
+
+
+DISTANCES_M, CURRENTS_A = np.array([0.15, 0.225, 0.3, 0.6, 1.0, 1.5, 2.0]) * 1e-3, [0.0, 0.25, 0.5, 0.75, 1.0, 1.5]
+
+
+def knee(distance, current, saturated_Wb, sharpness, reluctance_m):
+    """Flux linkage x / (1 + (x / s)^n)^(1/n) + L_0 i with x = c i / (d + 0.1 mm): n says how sharp the knee is."""
+    x = reluctance_m / (distance + 1e-4) * current
+    return x / (1.0 + (x / saturated_Wb) ** sharpness) ** (1.0 / sharpness) + 2e-3 * current
+
+
+@pytest.mark.parametrize(
+    ("saturated_Wb", "sharpness", "reluctance_m"), [(0.02, 12, 5e-5), (0.02, 30, 2e-5), (0.04, 6, 5e-5)]
+)
+def test_an_inductance_is_positive_between_currents_about_a_sharp_knee(tmp_path, saturated_Wb, sharpness, reluctance_m):
+    device = saturated_Wb, sharpness, reluctance_m
+    d, i = (x.ravel() for x in np.meshgrid(DISTANCES_M, CURRENTS_A, indexing="ij"))
+
+    def coenergy(distance):
+        return fixed_quad(lambda s: knee(distance[:, None], np.outer(i, s), *device), 0.0, 1.0, n=400)[0] * i
+
+    least = np.maximum(i - 1e-6, 0.0)
+    rise = knee(d, i + 1e-6, *device) - knee(d, least, *device)
+    columns = {"current_A": i, "distance_m": d, "force_N": (coenergy(d - 1e-8) - coenergy(d + 1e-8)) / 2e-8}
+    columns |= {"flux_linkage_Wb": knee(d, i, *device), "inductance_H": rise / (i + 1e-6 - least)}
+    pd.DataFrame(columns).to_csv(tmp_path / "knee.csv", index=False)
+    # So coarse a grid does not show to which co-energy a knee's force and flux linkage belong
+    model = ff.fit_model(ff.import_table(tmp_path / "knee.csv", accept=("reciprocity",))).model
+    assert model.magnetics.inductance(*model.validity.grid(101, 101)).min() > 0.0

@@ -155,36 +155,6 @@ def test_held_out_currents_choose_a_constant_for_the_papers_a():
     assert min(a.held_out, key=a.held_out.get) == "constant"
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_a_constant_and_a_line_through_the_origin_are_recognised_in_scattered_coefficients(seed):
-    # Table 3 as it would be if (13) were exact, with the scatter that Table 3 has about it.
-    rng = np.random.default_rng(seed)
-    a = fit_coefficient_function(I, 5.996e-9 + 1.1e-11 * rng.standard_normal(8), "a", ABOVE_ZERO)
-    b = fit_coefficient_function(I, 4.51e-6 * I + 2e-8 * rng.standard_normal(8), "b", ABOVE_ZERO)
-    assert (a.name, b.name) == ("constant", "through-origin")
-
-
-@pytest.mark.parametrize(
-    ("name", "truth"),
-    [
-        ("square", lambda i: 4.0 * i**2),
-        ("affine", lambda i: 2.0 + 3.0 * i),
-        ("quadratic", lambda i: 2.0 - i + 4.0 * i**2),
-    ],
-)
-def test_richer_functions_are_chosen_where_the_coefficient_needs_them(name, truth):
-    values = truth(I) + 0.01 * np.random.default_rng(2).standard_normal(8)
-    chosen = fit_coefficient_function(I, values, "c", UNBOUNDED)
-    assert chosen.name == name
-    np.testing.assert_allclose(chosen.at(I), truth(I), atol=0.05)
-
-
-def test_a_difference_declared_negligible_buys_no_further_term():
-    values = 2.0 + 1e-3 * I
-    assert fit_coefficient_function(I, values, "c", UNBOUNDED).name == "affine"
-    assert fit_coefficient_function(I, values, "c", UNBOUNDED, negligible=1e-2).name == "constant"
-
-
 def test_bounds_of_currents_become_boxes_and_turn_around_with_the_sign():
     limits = term_bounds(
         ["affine", "through-origin"], ["x", "y"], np.array([0.0, 1.0, 2.0]), np.repeat(ABOVE_ZERO[:, :3], 2, axis=2)
@@ -196,3 +166,28 @@ def test_bounds_of_currents_become_boxes_and_turn_around_with_the_sign():
     limits = term_bounds(["through-origin"], ["x"], np.array([-2.0, 1.0]), bounds)
     # -1 <= -2 m <= 4 and -1 <= m <= 4 together: -1 <= m <= 0.5.
     assert (limits.lower[0], limits.upper[0]) == (-1.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "truth", "scatter", "bounds"),
+    [
+        # Table 3 as it would be if (13) were exact, with the scatter that Table 3 has about it
+        ("constant", lambda i: 5.996e-9 + 0.0 * i, 1.1e-11, ABOVE_ZERO),
+        ("through-origin", lambda i: 4.51e-6 * i, 2e-8, ABOVE_ZERO),
+        ("square", lambda i: 4.0 * i**2, 0.01, UNBOUNDED),
+        ("affine", lambda i: 2.0 + 3.0 * i, 0.01, UNBOUNDED),
+        ("quadratic", lambda i: 2.0 - i + 4.0 * i**2, 0.01, UNBOUNDED),
+    ],
+)
+def test_the_simplest_function_that_scattered_coefficients_need_is_chosen(name, truth, scatter, bounds):
+    for seed in range(8) if bounds is ABOVE_ZERO else [2]:
+        values = truth(I) + scatter * np.random.default_rng(seed).standard_normal(8)
+        chosen = fit_coefficient_function(I, values, "c", bounds)
+        assert chosen.name == name
+        np.testing.assert_allclose(chosen.at(I), truth(I), atol=5.0 * scatter)
+
+
+def test_a_difference_declared_negligible_buys_no_further_term():
+    values = 2.0 + 1e-3 * I
+    assert fit_coefficient_function(I, values, "c", UNBOUNDED).name == "affine"
+    assert fit_coefficient_function(I, values, "c", UNBOUNDED, negligible=1e-2).name == "constant"

@@ -6,15 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit import SweepTable, fit_model
 from femfit.core.errors import FitError, TableError, UsageError
 from femfit.fit import bounded_qp
-from femfit.fit.build import fit_model
-from femfit.fit.coenergy import fit_coenergy
 from femfit.fit.ranking import rank_laws
 from femfit.fit.rows import rows_of_table
 from femfit.fit.sensed_field import fit_sensed
 from femfit.laws.dipoles import F1E, F2E
-from femfit.tables.sweep_table import SweepTable
 from support.bearing import DISTANCES, Bearing, table_of
 from support.closed_forms import POT, SIX, WIDE, Saturating, VoiceCoil, steel_sweep
 from support.plungers import plunger_table
@@ -24,11 +22,7 @@ from support.sweeps import ACTUATOR, force_table, full_table
 class Active(Bearing):
     """Circuits that would give energy away: the mutual inductance is larger than their own."""
 
-    def matrix(self, d):
-        M, S = (part.copy() for part in super().matrix(d))
-        M[:, 1, 2] = M[:, 2, 1] = -0.1
-        S[:, 1, 2] = S[:, 2, 1] = 0.0
-        return M, S
+    MUTUAL = (0.1, 0.0)
 
 
 class Contradicting(Bearing):
@@ -67,6 +61,10 @@ UNUSABLE = [
 ]
 
 
+def one_column(rows):
+    return rows[(rows["current_A"] == 0.0) | (rows["distance_m"] > 0.0446)]
+
+
 def few_turns():
     """A winding whose flux linkage contradicts the force, small as it is beside the other's."""
     table, (_, upper) = Saturating().table(), ("lower", "upper")
@@ -91,6 +89,9 @@ UNFIT = [
     (lambda: steel_sweep((0.0, 3.0), (0.0, 3.0)), {}, "3 currents"),
     (lambda: steel_sweep((0.0, 20.0, 40.0), (0.0, 20.0, 40.0)), {}, "definite; .*Sweep more currents"),
     *((lambda: full_table(currents=[0.2]), {"law": law}, r"at least 3 currents.*Sweep") for law in ("F1e", None)),
+    (lambda: full_table(currents=[0.0, 0.2]), {}, r"needs at least 3 currents and 5 distances.*Sweep more currents"),
+    # A column without a full grid is refused before numbers are made up
+    (lambda: changed(one_column, full_table(currents=[0.0, 0.7, 1.4])), {}, "do not determine"),
     # Once for all laws
     (
         lambda: full_table(currents=[0.2]),
@@ -121,11 +122,16 @@ def test_a_table_that_gives_no_such_model_is_refused_with_the_reason(table, opti
         ({"law": "F9"}, "must be coenergy, all or a law .*F1e.*; instead received 'F9'"),
         ({"mass_kg": -1.0}, "mass_kg must be > 0"),
         ({"inductance_H": float("nan")}, "inductance_H must be > 0"),
+        ({"bounds": {"d^-4": (0.0, 1.0)}}, "one law only"),
+        *(({"law": "F1e", "functions": of}, "2 columns") for of in (("affine",), ("affine", "nope"), ("affine",) * 3)),
     ],
 )
 def test_options_that_mean_nothing_are_refused(options, message):
     with pytest.raises(UsageError, match=message):
         fit_model(full_table(), **options)
+
+
+def test_several_circuits_are_fitted_by_a_coenergy_alone():
     with pytest.raises(UsageError, match="co-energy alone"):
         fit_model(table_of(), law="F1e")
 
@@ -137,21 +143,6 @@ def test_options_that_mean_nothing_are_refused(options, message):
 def test_a_damaged_entry_of_the_actuator_is_one_clear_error(actuator):
     with pytest.raises(TableError, match="manifest"):
         fit_model(SweepTable(full_table().rows, {"actuator": {**ACTUATOR, **actuator}}), law="F2e")
-
-
-@pytest.mark.parametrize(("table", "message"), [
-    (lambda: full_table(currents=[0.0, 0.2]), r"needs at least 3 currents and 5 distances.*Sweep more currents"),
-    # A column without a full grid is refused before numbers are made up
-    (
-        lambda: changed(
-            lambda r: r[(r["current_A"] == 0.0) | (r["distance_m"] > 0.0446)], full_table(currents=[0.0, 0.7, 1.4])
-        ),
-        "do not determine",
-    ),
-])  # fmt: skip
-def test_rows_that_do_not_determine_a_coenergy_are_refused(table, message):
-    with pytest.raises(FitError, match=message):
-        fit_coenergy(rows_of_table(table()))
 
 
 def test_a_law_that_fails_leaves_the_ranking_to_the_others(monkeypatch):
@@ -201,4 +192,6 @@ def test_rows_of_a_saturating_table_keep_what_it_holds():
     assert (several.several, several.circuit_currents.shape) == (True, (81, 2))
     jitter = 1.0 + 1e-9 * np.random.default_rng(1).uniform(-1.0, 1.0, 81)  # settings that differ by rounding are one
     rounded = changed(lambda r: r.assign(distance_m=r["distance_m"] * jitter), table_of())
+    alone = force_table(lambda d, i: 1e-6 * i**2 / d**2)  # an inductance without a flux linkage is not read
+    assert rows_of_table(changed(lambda r: r.assign(inductance_H="see notes"), alone)).inductance is None
     np.testing.assert_allclose(rows_of_table(rounded).distances, DISTANCES, rtol=1e-8)

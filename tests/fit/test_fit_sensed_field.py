@@ -15,7 +15,6 @@ CLOSED = ClosedForm()
 
 
 def grid(*axes):
-    """Distances and currents of all combinations."""
     d, *currents = (one.ravel() for one in np.meshgrid(DISTANCES, *axes, indexing="ij"))
     return d, np.stack(currents, axis=-1)
 

@@ -30,12 +30,10 @@ FREQUENCIES = (0.0, 1.0, 30.0, 1000.0, 30000.0)
 
 
 def stored(kind, name, suffix="csv"):
-    """A file of the inputs."""
     return INPUTS / kind / f"{name}.{suffix}"
 
 
 def model(name):
-    """A stored model."""
     return ff.read_model(stored("models", name, "json"))
 
 
@@ -82,30 +80,24 @@ def statics(one):
     d, currents = points(one)
     i = as_taken(currents)
     motional = one.magnetics.motional_constant(d, one.validity.with_axis(i))
-    magnetic = {
-        "force_N": one.force(d, i),
-        "flux_linkage_Wb": one.flux_linkage(d, i),
-        "inductance_H": one.inductance(d, i),
-        "motional_constant_N_A": motional if currents.shape[1] > 1 else motional.sum(axis=-1),
-    }
+    motional = motional if currents.shape[1] > 1 else motional.sum(axis=-1)
+    magnetic = {"force_N": one.force(d, i), "flux_linkage_Wb": one.flux_linkage(d, i)}
+    magnetic |= {"inductance_H": one.inductance(d, i), "motional_constant_N_A": motional}
     return {name: np.reshape(values, (len(d), -1)) for name, values in magnetic.items()}
 
 
 def readings(one):
-    """All sensors in the states, each as of one moment."""
     at, _ = states(one)
     return {name: asked(sampled_readings, one, sensor, at) for name, sensor in sensors_of(one).items()}
 
 
 def impedances(one):
-    """Impedances at some points and frequencies."""
     d, i = points(one, 5)
     values = {f"{f:g}_Hz": one.impedance(d, as_taken(i), f) for f in FREQUENCIES}
     return {"impedance": {name: np.reshape(z, (len(d), -1)) for name, z in values.items()}}
 
 
 def by_state(one, values):
-    """Columns by the states' names."""
     return dict(zip(one.state_names, np.asarray(values).T, strict=True))
 
 
@@ -165,7 +157,6 @@ def filter_steps(one, kind, count=5):
 
 
 def bound(one):
-    """Least deviations that a filter can reach."""
     least = ff.error_bound(one)
     deviation = dict(zip(least.names, least.deviations.T, strict=True))
     return {"sensors": least.sensors, "deviation": deviation, "observed": least.observed}
@@ -231,15 +222,12 @@ def bench(of, data, alone=False):
     diagnosis["look_alikes"] = sorted(diagnosis["look_alikes"])
     diagnosis["ranking"] = {effect.pop("name"): effect for effect in map(dict, diagnosis["ranking"])}
     result = {"names": names, "diagnose": diagnosis}
-    if isinstance(added, ff.AddResult):
-        result["add"] = added.to_dict()
-    elif added:
-        result["add"] = added
+    if added:
+        result["add"] = added.to_dict() if isinstance(added, ff.AddResult) else added
     return {"fitted": {"compare": comparison}, "searched": result}
 
 
 def observed(of, name, filters):
-    """A record through filters."""
     seen = ff.observe(model(of), stored("records", name), filter=filters)
     table = {key: values.to_numpy()[::50] for key, values in seen.table.items()}
     return {"searched": seen.to_dict() | {"series": table, "findings": [one.code for one in seen.findings]}}
@@ -261,21 +249,18 @@ def _codes(findings):
 
 
 def imported(name):
-    """A table of another program."""
     table = ff.import_table(INPUTS / "tables" / name)
     mapping = [(one.name, one.header, one.unit, one.factor) for one in table.mapping]
     return {"columns": columns_of(table.rows), "mapping": mapping, "findings": _codes(table.findings)}
 
 
 def measured(path):
-    """A measurement as it is read."""
     data = ff.read_measurement(path)
     facts = {"kind": type(data).__name__, "given": data.given, "findings": _codes(data.findings)}
     return facts | {"columns": columns_of(data.rows)}
 
 
 def tables(foreign, measurements, benches, records):
-    """Tables of other programs, and measurements."""
     found = {name: asked(imported, name) for name in foreign}
     found |= {name: asked(measured, INPUTS / "tables" / name) for name in measurements}
     found |= {name: measured(stored("benches", name)) for name in benches}
@@ -283,7 +268,6 @@ def tables(foreign, measurements, benches, records):
 
 
 def drawn(name):
-    """A FEMM model as a drawing."""
     found = import_fem_file(stored("fem", name, "fem"))
     return {"drawing": tomllib.loads(found.toml), "facts": found.as_dict() | {"findings": _codes(found.findings)}}
 
@@ -331,14 +315,12 @@ def audited(name):
 
 
 def tolerances(name, **at):
-    """Scatter of a series by the drawing's tolerances."""
     found = ff.analyse_tolerances(INPUTS / "sweeps" / name, **at)
     shares = {one.number.name: [one.gradient, one.share] for one in found.shares}
     return {"value": found.value, "scatter": found.scatter, "shares": shares}
 
 
 def integrated(methods):
-    """A coil's voltage by each method."""
     time = 2e-3 * np.arange(1500)
     wiggle = 1e-6 * np.cos(1e3 * np.arange(1500.0) ** 2)
     columns = {
@@ -361,7 +343,6 @@ def simulated(name, **options):
 
 
 def closed(name, plant=None, **options):
-    """A closed loop with its design and margins."""
     found = ff.close_loop(model(name), plant=plant and model(plant), runs=2, seconds=0.1, rng=1, **options)
     data = found.data() | {"ends": found.result.series.distance_m[-1]}
     return {"settled": {"design": data.pop("design")}, "bits": data}

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.mutants import changed_entry, pick
 
-from femfit.core.errors import FemfitError
-from femfit.estimate.kalman_filter import kalman_filter
+from femfit import FemfitError, kalman_filter
 from femfit.model.json_file import model_of
 
 MODELS = Path(__file__).parents[1] / "golden/inputs/models"

@@ -49,7 +49,7 @@ def model(request, model_kind):
     return model_kind(request.param)
 
 
-def assert_slopes(found, wanted, tolerance=1e-6):
+def assert_slopes(found, wanted, tolerance):
     """Relative to the largest of each entry, rounded over steps of 1e-5 of what is large for each state."""
     size = np.abs(wanted).max(axis=0) + 1e-6 * np.abs(wanted).max(axis=(0, 2))[:, None] + 1e-9
     size[0] += 1e-6  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
@@ -71,18 +71,11 @@ def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
     np.testing.assert_allclose(balance, supplied, rtol=0.0, atol=1e-6 * size)
 
 
-def assert_slopes_of_rates(model):
-    states, volts = states_of(model, 8)
-    assert_slopes(slopes(model, states, volts), differences(model, rates, states, volts), 1e-5)
-
-
-def test_the_jacobian_is_the_slope_of_the_rates(model):
-    assert_slopes_of_rates(model)
-
-
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
 def test_the_jacobian_under_an_effect_is_the_slope_of_the_rates(effect, levitation_model):
-    assert_slopes_of_rates(with_effects(levitation_model, [usual(effect, 0.2)]))
+    model = with_effects(levitation_model, [usual(effect, 0.2)])
+    states, volts = states_of(model, 8)
+    assert_slopes(slopes(model, states, volts), differences(model, rates, states, volts), 1e-5)
 
 
 @pytest.mark.parametrize("seconds", [5e-4, 5e-3])
@@ -100,8 +93,7 @@ LONG = ("magnets with eddies", 0.05)
 
 
 @pytest.mark.parametrize(
-    ("name", "seconds"),
-    [case for case in product(LINEAR, [1e-5, 5e-4, 5e-3, 0.05]) if case != LONG],
+    ("name", "seconds"), [case for case in product(LINEAR, [1e-5, 5e-4, 5e-3, 0.05]) if case != LONG]
 )
 def test_currents_of_a_held_body_decay_exactly_whatever_the_step(name, model_kind, seconds):
     """By the matrix exponential; where the midpoint method left 0.50 for 0.37, 0.63 for 0.22 and 0.91 for 0.15."""
@@ -126,7 +118,6 @@ FRICTION = [
 
 
 def moved(model, state, volts, seconds, steps):
-    """States after so many steps of equal length."""
     for _ in range(steps):
         state = exponential_step(model, state, volts, seconds / steps)
     return state
@@ -295,11 +286,7 @@ FEW = ["one circuit", "choke", "springs", "halves", "eddies", "halves with eddie
 
 @pytest.mark.parametrize("name", FEW)
 def test_a_sample_takes_as_many_steps_as_it_needs_for_half_a_percent_of_its_change(model_kind, name):
-    """Against Runge and Kutta, at random states that stay within the domain.
-
-    Half the length is four times as good, but for eddy currents, whose table holds the inductance within a step. Dry
-    friction that turns round within a step is left out.
-    """
+    """Half the length is four times as good, but for eddy currents, whose table holds the inductance within a step."""
     model = model_kind(name)
     steps, box, last = model.sample_step.count, model.validity, 2 + len(model.circuits)
     states, volts = states_of(model, 200)

@@ -3,6 +3,7 @@
 import json
 import pickle
 from dataclasses import asdict, fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,6 +70,12 @@ def conducting(rig):
     return with_effects(model, [AddedEffect(model.drawn[0].effect, {"change": 0.05})])
 
 
+def of_drawn_dimension(_):
+    """With every number of its drawing, one of which is off."""
+    model = read_model(Path(__file__).parents[1] / "golden/inputs/models/rig.json")
+    return with_effects(model, [AddedEffect(model.drawn[3].effect, {"change_mm": 0.05}, {"change_mm": (0.04, 0.06)})])
+
+
 def driven(drive):
     return lambda rig: replace(rig, circuits=(replace(rig.circuit, drive=drive),))
 
@@ -85,6 +92,7 @@ FILED = KINDS | {
     "shifted": shifted,
     "biased eddies": biased,
     "drawn conductivity": conducting,
+    "drawn dimension": of_drawn_dimension,
     "two circuits that saturate": lambda _: fit_of("two circuits that saturate").model,
     "amplifier": driven(Drive("current")),
     "fast amplifier": driven(Drive("current", None, -1.0, 2.0, 500.0)),
@@ -194,6 +202,16 @@ DAMAGES = [
     ("one circuit", ("schema",), 99, r"schema 99.*up to schema 3.*Update femfit"),
     ("one circuit", ("effects",), [{"name": "eddy", "parameters": {}, "ci95": {}}], r"core_saturation.*'eddy'"),
     ("one circuit", (*MAGNETICS, "u_knots"), [1.0, 0.5], r"magnetics\.u_knots must be ascending, with 5 equal knots"),
+    *(
+        (
+            "one circuit",
+            (*MAGNETICS, "current_knots_A"),
+            knots,
+            r"current_knots_A must be ascending, with 3 equal knots",
+        )
+        for knots in ([0, 0, 0, 0.5, 0.5, 0.5, 1, 1, 1], [0, 0, 0, 0.7, 0.2, 1, 1, 1], [0, 0, 1, 1, 1], [0] * 6)
+    ),
+    ("drawn dimension", ("drawn", 0, "tolerance"), -1.0, r"drawn\[0\]\.tolerance must be a finite number > 0"),
     ("one circuit", (*MAGNETICS, "u_degree"), 0, r"magnetics\.u_knots must be ascending|whole number in 1\.\.9"),
     ("one circuit", (*MAGNETICS, "coefficients"), [[1.0]], r"coefficients must be 10 lists of 3 numbers"),
     ("one circuit", COEFFICIENT, [1e308, -1e308, 1e308], "finite"),

@@ -17,14 +17,14 @@ from femfit.effects.stages import recorded_setting, true_setting
 from femfit.fit.build import fit_model
 from femfit.fit.model_parts import other_sensors_of
 from femfit.model.dynamics import state_derivative
-from femfit.model.sensors import predict_sensor, reading_of, sample_weights, sampled_readings, sampled_value, sensors_of
+from femfit.model.sensors import predict_sensor, reading_of, sample_weights, sampled_value, sensors_of
 from femfit.model.with_effects import nominal_of, true_setting_of, with_effects
 from support.added_effects import added
 from support.bearing import hall_field, table_with_hall
 from support.halves import NAMES, cut_in_two
 from support.one_current import flat
 from support.readings import EVERY_SENSOR, predict_sensors
-from support.solenoids import SHARE, STEP_S, flux_linkage, inductance, searched, solenoid
+from support.solenoids import SHARE, STEP_S, inductance, searched, solenoid
 
 *ALL, PROPER = EVERY_SENSOR
 SHUNT, LASER, GATE, _, _ = ALL
@@ -113,15 +113,6 @@ def test_the_voltage_is_the_windings_share_of_what_its_resistance_leaves(searchi
     np.testing.assert_allclose(found, SHARE * (volts - 20.0 * states[:, 2]), rtol=1e-4)  # of the fitted splines
 
 
-def test_readings_add_up_to_the_change_of_flux_linkage_between_samples(searching):
-    time = STEP_S * np.arange(50)
-    states = np.stack([3e-3 - 0.2 * time, np.full(50, -0.2), 0.2 + 30.0 * time], axis=1)
-    read = sampled_readings(searching, coil(searching), states)
-    linked = flux_linkage(states[:, 0], states[:, 2])
-    assert read[0] == 0.0  # before the first sample nothing moved
-    assert STEP_S * read.sum() == pytest.approx(linked[-1] - linked[0], rel=1e-4)
-
-
 def test_a_late_reading_lies_between_two_samples_and_a_pickup_coil_reads_their_difference(searching):
     laser = PositionSensor(name="laser", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", delay_s=2.25e-4)
     np.testing.assert_allclose(sample_weights(laser, 1e-4), [0.0, 0.0, 0.75, 0.25], atol=1e-9)
@@ -186,9 +177,8 @@ D, AMPERES = np.array([2e-3, 3e-3]), np.array([[0.5], [1.0]])
 GAP, CURRENTS = np.array([0.3e-3, 0.6e-3]), np.array([[0.7, -0.4], [-1.0, 0.5]])
 
 
-def linked(model, d=D, i=AMPERES):
-    (search,) = (one for one in model.other_sensors if one.name == "search")
-    return sampled_value(model, search, np.column_stack([d, 0.0 * d, i]))
+def linked(model):
+    return sampled_value(model, coil(model), np.column_stack([D, 0.0 * D, AMPERES]))
 
 
 def test_a_pickup_coil_is_linked_by_the_true_number_of_turns_of_the_winding():
@@ -214,6 +204,5 @@ def test_turns_and_remanence_scale_a_hall_elements_field_of_several_circuits():
 def test_an_effect_that_is_not_followed_to_a_pickup_coil_is_named_when_the_coil_is_read():
     model = with_effects(searched(), [added("core_saturation", mmf_loss_3=0.1)])
     assert model.magnetics.force(D, AMPERES).shape == (2,)
-    (search,) = (one for one in model.other_sensors if one.name == "search")
     with pytest.raises(MissingPartError, match=r"pickup coil 'search'.*core_saturation"):
-        sampled_value(model, search, np.array([[2e-3, 0.0, 0.5]]))
+        linked(model)

@@ -68,7 +68,6 @@ def law_lines(fit, rows):
 
 
 def main():
-    """Print the tables of the sweep that the command names."""
     table = read_sweep_table(sys.argv[1])
     rows = rows_of_table(table, (table.manifest.get("actuator") or {}).get("mass_kg"), GRAVITY)
     lines = linearity_lines(rows)

@@ -22,32 +22,24 @@ CIRCUITS = [
 ENTRY = {"name": "bearing", "mass_kg": 0.5, "circuits": CIRCUITS, "mechanics": {"gravity_m_s2": -9.81}}
 
 
+def form(alone, magnet, lower, mutual, upper):
+    """A symmetric matrix (n, 3, 3) of v = (1, i_1, i_2), of entries (n,) or the same everywhere."""
+    rows = np.broadcast_arrays(alone, magnet, -magnet, magnet, lower, -mutual, -magnet, -mutual, upper)
+    return np.moveaxis(np.reshape(rows, (3, 3, -1)), -1, 0)
+
+
 class Bearing:
     """Two gaps d and 1 mm - d: L_1 = A / (d + a), L_2 = A / (1 mm - d + a), a mutual M(d) and a magnet's flux."""
 
     AREA, PATH, GAP = 6e-6, 0.15e-3, 1e-3
+    ALONE, MAGNET, MUTUAL = 40.0, (0.01, 3.0), (1e-3, 0.4)  # of d^2; with their slopes
 
     def matrix(self, d):
         """M of v = (1, i_1, i_2), and its slope."""
         one, two = d + self.PATH, self.GAP - d + self.PATH
-        mutual, slope = 1e-3 + 0.4 * d, np.full_like(d, 0.4)
-        magnet = 0.01 + 3.0 * d
-        M = np.array(
-            [
-                [40.0 * d**2, magnet, -magnet],
-                [magnet, self.AREA / one, -mutual],
-                [-magnet, -mutual, self.AREA / two],
-            ]
-        )
-        rising = np.full_like(d, 3.0)
-        S = np.array(
-            [
-                [80.0 * d, rising, -rising],
-                [rising, -self.AREA / one**2, -slope],
-                [-rising, -slope, self.AREA / two**2],
-            ]
-        )
-        return np.moveaxis(M, -1, 0), np.moveaxis(S, -1, 0)
+        (magnet, rising), (mutual, slope) = self.MAGNET, self.MUTUAL
+        M = form(self.ALONE * d**2, magnet + rising * d, self.AREA / one, mutual + slope * d, self.AREA / two)
+        return M, form(2.0 * self.ALONE * d, rising, -self.AREA / one**2, slope, self.AREA / two**2)
 
     def force(self, d, i):
         v = np.concatenate([np.ones((len(d), 1)), i], axis=1)
@@ -90,15 +82,7 @@ def table_with_hall(truth=TRUTH, entry=ENTRY, **hall):
 class Symmetric(Bearing):
     """Without the magnet, and the same seen from both sides."""
 
-    def matrix(self, d):
-        """M of v = (1, i_1, i_2), and its slope."""
-        M, S = super().matrix(d)
-        M, S = M.copy(), S.copy()
-        M[:, 0], S[:, 0] = 0.0, 0.0
-        M[:, :, 0], S[:, :, 0] = 0.0, 0.0
-        M[:, 1, 2] = M[:, 2, 1] = -1e-3
-        S[:, 1, 2] = S[:, 2, 1] = 0.0
-        return M, S
+    ALONE, MAGNET, MUTUAL = 0.0, (0.0, 0.0), (1e-3, 0.0)
 
     def force_per_current(self, current):
         """dF/di_1 in the middle at a bias."""

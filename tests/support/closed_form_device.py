@@ -1,15 +1,14 @@
 """A magnet m^2 / d^4 before a coil, as tables in closed form: F = m^2 A + m t i B + t^2 i^2 C, and so on."""
 
-from pathlib import Path
-
 import numpy as np
 
 from femfit.device.load import read_actuator
 from femfit.trial.field_table import Conditions, Device, FieldTable
+from support.actuators import GEOMETRY
 
 N = 5
 D = np.array([0.0163, 0.0221, 0.0307, 0.0412, 0.0441])
-DRAWING = Path(__file__).parents[2] / "geometry" / "emaws-rig.toml"
+DRAWING = GEOMETRY / "emaws-rig.toml"
 
 
 class AnyFamily(dict):

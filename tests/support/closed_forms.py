@@ -27,12 +27,10 @@ class Device:
 
 
 def flat(distances, currents):
-    """All combinations, flat."""
     return tuple(axis.ravel() for axis in np.meshgrid(distances, currents, indexing="ij"))
 
 
 def with_columns(table, **columns):
-    """A table with columns as functions of distance and current."""
     d, i = (table.rows[name].to_numpy() for name in ("distance_m", "current_A"))
     return replace(table, rows=table.rows.assign(**{name: column(d, i) for name, column in columns.items()}))
 
@@ -191,7 +189,6 @@ DEVICES = {
 
 @cache
 def fit_of(name):
-    """A device's fit, made once."""
     return fit_model(DEVICES[name].table, **DEVICES[name].options)
 
 
@@ -204,5 +201,4 @@ def steel_sweep(bottom, top, distances=tuple(saturating_bearing.DISTANCES)):
 
 @cache
 def steel_fit(bottom, top, distances=tuple(saturating_bearing.DISTANCES)):
-    """Its fit, made once."""
     return fit_model(steel_sweep(bottom, top, distances))

@@ -68,7 +68,6 @@ def eddies(circuits, time_constants, low_m=0.015, high_m=0.045, hall=True):
 
 
 def magnets_alone(model):
-    """A model's magnet and iron without its winding."""
     kind = ActuatorKind(True, True, False, False, coil=False, saturates=False)
     return replace(
         model, circuits=(), sensor=None, kind=kind, validity=replace(model.validity, current_limits_A=np.zeros((0, 2)))
@@ -76,7 +75,6 @@ def magnets_alone(model):
 
 
 def with_eddies(model, time_constants=(10e-3, 3e-3, 0.5e-3)):
-    """A model with eddy currents of closed form over its validity domain."""
     box = model.validity
     found = eddies(
         model.circuit_names, time_constants, box.distance_min_m, box.distance_max_m, hall=model.sensor is not None

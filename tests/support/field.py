@@ -14,7 +14,6 @@ QUICK = SolverSettings(order=3, corner_fraction=0.3)
 
 
 def prepared(actuator, distance, settings=None):
-    """The prepared problem of the group that a distance belongs to."""
     settings = settings or SolverSettings()
     layout = layout_of(actuator, settings)
     group = next(g for g in stretch_groups(actuator.sweep.distances_m, layout, settings) if distance in g)

@@ -8,8 +8,6 @@ from femfit.integrate.uncertainty import FieldBlock, Responses
 
 
 def joined(blocks):
-    """One block of all."""
-
     def whole(items, kind):
         names = [one.name for one in fields(kind) if one.name != "responses"]
         return {name: np.concatenate([getattr(item, name) for item in items]) for name in names}

@@ -22,7 +22,6 @@ FREQUENCIES = np.geomspace(20.0, 10e3, 10)
 
 
 def noisy(z, share, generator):
-    """Impedances with errors of a share of each magnitude."""
     return z * (1.0 + share * (generator.standard_normal(len(z)) + 1j * generator.standard_normal(len(z))))
 
 
@@ -46,7 +45,6 @@ def impedance_file(
 
 
 def impedance_table(model, path, effects=(), **options):
-    """The same, read."""
     return read_measurement(impedance_file(model, path, effects, **options))
 
 

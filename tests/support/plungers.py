@@ -15,7 +15,6 @@ ENTRY = {"name": "plunger", "mass_kg": 0.03, "resistance_ohm": 15.0, "voltage_mi
 
 
 def plunger_table(device):
-    """The sweep of one of :data:`DEVICES`."""
     rows = SWEEPS[SWEEPS["device"] == device].drop(columns="device")
     rows = rows.assign(distance_m=1e-3 * rows["distance_mm"], status="ok").drop(columns="distance_mm")
     return SweepTable(rows.reset_index(drop=True), {"actuator": ENTRY})
@@ -23,6 +22,5 @@ def plunger_table(device):
 
 @cache
 def network_of(device):
-    """Its rows and the network."""
     rows = rows_of_table(plunger_table(device))
     return rows, fit_network(rows)

@@ -4,7 +4,6 @@ Each direct solution has a mesh of its own; 0.75 and 4 mm are among the sweep's 
 """
 
 from functools import cache
-from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -14,11 +13,12 @@ from femfit.core.numerics import central_differences
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.model.dynamics import state_scale
+from support.actuators import GEOMETRY
 from support.eddy_transient import mesh_for
 from support.model_kinds import by_volt, held
 from support.readings import hall_voltage
 
-DRAWING = Path(__file__).parents[2] / "geometry" / "pot-magnet.toml"
+DRAWING = GEOMETRY / "pot-magnet.toml"
 DISTANCES_MM = (0.75, 1.75, 4.0)
 FREQUENCIES_HZ = (1.0, 10.0, 100.0, 1e3, 1e4)
 KINDS = ("impedance", "force of an ampere at 1 A", "Hall field of an ampere")

@@ -18,7 +18,6 @@ LEAKAGE_H, REACH_H_M, SHIFT_M, REFERENCE_M = 5e-3, 3e-5, 1e-3, 2e-3
 
 
 def inductance(distance):
-    """L(d) of :func:`solenoid`."""
     return LEAKAGE_H + REACH_H_M / (distance + SHIFT_M)
 
 
@@ -60,7 +59,6 @@ STEP_S = 1e-4
 
 
 def flux_linkage(distance, current):
-    """Of the pickup coil."""
     return SHARE * inductance(distance) * current
 
 

@@ -79,7 +79,6 @@ class ClosedForm:
 
 
 def grid(currents=CURRENTS, distances=DISTANCES):
-    """Currents and distances of every row, flat."""
     d, i = np.meshgrid(distances, currents, indexing="ij")
     return i.ravel(), d.ravel()
 
@@ -97,7 +96,6 @@ def paper_force(d, i):
 
 
 def full_table(truth=None, currents=CURRENTS, distances=DISTANCES, actuator=ACTUATOR):
-    """A table with force, flux linkage and Hall field of a closed form."""
     truth = truth or ClosedForm()
     table = force_table(truth.force, currents, distances, actuator)
     i, d = grid(currents, distances)

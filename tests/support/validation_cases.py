@@ -224,10 +224,7 @@ def ldx_mass():
     """Mass in kg that the levitated dipole's coils carry with g = 9.81: the Lorentz force on the floating coil."""
     r1, r2, length, ampere_turns = LDX_LIFT
     actuator = assembly(
-        moving=[magnet(DUMMY, 0.05, 0.05)],
-        distances=(3.0,),
-        coil=rectangle(r1, r2, -length, 0.0),
-        turns=ampere_turns,
+        moving=[magnet(DUMMY, 0.05, 0.05)], distances=(3.0,), coil=rectangle(r1, r2, -length, 0.0), turns=ampere_turns
     )
     problem = prepared(actuator, 3.0)
     w = fields(problem, 3.0)[1]

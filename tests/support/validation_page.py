@@ -48,7 +48,6 @@ INDUCED = "Eddy currents"
 
 
 def rows() -> list[Row]:
-    """Every line of the page."""
     parts = (_coils, _magnets, _eddies, _transients, _measured, _printed)
     return [row for part in parts for row in part()]
 

@@ -1,20 +1,26 @@
-"""Measured inductances become a model whose force is the one that their slope makes."""
+"""Measured inductances, and sweeps of plungers that saturate: the force is the one that their slope makes."""
 
 import dataclasses
+import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from femfit.core.errors import FitError, TableError, UsageError
+from femfit import fit_model, read_actuator
+from femfit.core.errors import FitError, ModelFileError, TableError, UsageError
 from femfit.core.results import Finding
-from femfit.device.load import read_actuator
+from femfit.fit import coenergy_choice, ranking
 from femfit.fit.soft_iron import fit_inductance
-from femfit.model.json_file import read_model
+from femfit.laws.catalogue import all_laws
+from femfit.model.json_file import model_from_dict, model_to_dict, read_model
+from femfit.model.several_magnetics import NetworkMagnetics
 from femfit.tables.measurement import InductanceTable
 from femfit.tables.measurement_file import is_inductance_table, read_inductance_table
 from support.actuators import GEOMETRY
 from support.command import femfit, worked
 from support.one_current import flat
+from support.plungers import DEVICES, network_of, plunger_table
 
 D = np.linspace(1e-3, 20e-3, 14)
 OPTIONS = {"mass_kg": 0.06, "resistance_ohm": 4.0, "supply_V": (0.0, 12.0)}
@@ -37,12 +43,10 @@ def table(noise_H=0.0):
 
 
 def test_the_force_of_an_exact_table_is_found_without_any_force():
-    fit = fit_inductance(table(), **OPTIONS)
+    fit, i = fit_inductance(table(), **OPTIONS), np.full_like(D, 1.5)
     # The search of the two lengths stops at 1e-8 of its cost
-    np.testing.assert_allclose(flat(fit.model.magnetics).force(D, np.full_like(D, 1.5)), force(D, 1.5), rtol=1e-3)
-    np.testing.assert_allclose(
-        flat(fit.model.magnetics).flux_linkage(D, np.full_like(D, 1.5)), 1.5 * inductance(D), rtol=1e-5
-    )
+    np.testing.assert_allclose(flat(fit.model.magnetics).force(D, i), force(D, 1.5), rtol=1e-3)
+    np.testing.assert_allclose(flat(fit.model.magnetics).flux_linkage(D, i), 1.5 * inductance(D), rtol=1e-5)
     assert fit.notes == ()
     assert fit.model.require_circuit().voltage_max_V == 12.0
 
@@ -84,7 +88,8 @@ def written_table(directory):
     return path
 
 
-DRAWN = read_actuator(GEOMETRY / "plunger-solenoid.toml")
+PLUNGER = GEOMETRY / "plunger-solenoid.toml"
+DRAWN = read_actuator(PLUNGER)
 
 
 @pytest.mark.parametrize(
@@ -92,11 +97,7 @@ DRAWN = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     [
         (("--resistance-ohm", 4, "--supply-V", "0:12"), 4.0, 12.0),
         # Its mass is another than the one that is given
-        (
-            ("--actuator", GEOMETRY / "plunger-solenoid.toml"),
-            DRAWN.coil.resistance_ohm,
-            DRAWN.circuits[0].voltage_max_V,
-        ),
+        (("--actuator", PLUNGER), DRAWN.coil.resistance_ohm, DRAWN.circuits[0].voltage_max_V),
     ],
     ids=["by options", "by an actuator file"],
 )
@@ -119,3 +120,65 @@ def test_a_table_with_forces_is_no_table_of_inductances(tmp_path):
     path.write_text("distance_mm,inductance_mH\n1,100\n")
     with pytest.raises(TableError, match="lacks current_A"):
         read_inductance_table(path)
+
+
+@pytest.fixture(params=DEVICES)
+def fitted(request):
+    return network_of(request.param)
+
+
+def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
+    rows, fit = fitted
+    assert fit.fitted < 0.02
+    table = rows.linked[:, 0]
+    flux = flat(fit.magnetics).flux_linkage(rows.distance, rows.current) - table
+    assert np.sqrt(np.mean(flux**2)) < 0.02 * np.sqrt(np.mean(table**2))
+
+
+def test_the_model_keeps_the_law_and_says_its_misfit():
+    fit = fit_model(plunger_table("pull"), law="reluctance-network")
+    assert fit.misfit.force_share < 0.02
+    assert "reluctance-network" in str(fit)
+    again = model_from_dict(json.loads(json.dumps(model_to_dict(fit.model))))
+    assert again.magnetics.log_reluctance == fit.model.magnetics.log_reluctance
+    assert again.force(1e-3, 0.7) == fit.model.force(1e-3, 0.7)
+    fit.model.require_dynamics()
+    data = model_to_dict(fit.model)
+    data["magnetics"]["leakage_H"] = [1.0]
+    with pytest.raises(ModelFileError, match=r"magnetics\.leakage_H must be 2 numbers"):
+        model_from_dict(data)
+
+
+def test_all_takes_the_network_where_no_law_of_columns_is_good():
+    fit = fit_model(plunger_table("pull"), law="all")
+    assert fit.law is None
+    assert isinstance(fit.model.magnetics, NetworkMagnetics)
+    assert fit.to_dict()["model"] == "reluctance-network"
+
+
+LITTLE_LESS = 1.0 - 1e-9
+"""A solver's last step, and an order of summation, change as much."""
+
+
+def test_the_first_of_equal_laws_is_ranked_first(monkeypatch):
+    laws = list(all_laws().values())[:3]
+    errors = dict(zip((law.name for law in laws), (1.0, LITTLE_LESS, 0.5), strict=True))
+
+    def candidate(law, _rows, _folds):
+        fit = SimpleNamespace(operations=7)
+        return ranking.Candidate(law, fit, None, 0.01 * errors[law.name], 0.0, 2)
+
+    monkeypatch.setattr(ranking, "_candidate", candidate)
+    monkeypatch.setattr(ranking, "ranking_folds", lambda _: [])
+    rows = SimpleNamespace(error_scale=(1.0, "N"), hanging_weight=1.0)
+    ranked = ranking.rank_laws(laws, rows)
+    assert [one.law.name for one in ranked.candidates] == [laws[2].name, laws[0].name, laws[1].name]
+
+
+@pytest.mark.parametrize("errors", [
+    [(1e-6, 1e-6), (LITTLE_LESS * 1e-6, 1e-6 * LITTLE_LESS)],  # good enough
+    [(1.0, 10.0), (10.0 * LITTLE_LESS, 1.0)],  # each the worse in one quantity
+])  # fmt: skip
+def test_the_first_of_equal_bases_holds_the_coenergy(errors):
+    chosen, _ = coenergy_choice.smallest([range(len(errors))], lambda number: np.array(errors[number]))
+    assert chosen == 0

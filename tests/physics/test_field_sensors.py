@@ -1,4 +1,4 @@
-"""Windings without current link Maxwell's mutual inductance, and what coils in their place link."""
+"""Windings without current link Maxwell's mutual inductance."""
 
 from dataclasses import replace
 
@@ -21,7 +21,6 @@ SETTINGS = SolverSettings()
 
 
 def winding(coil):
-    """A pickup coil in a coil's place."""
     return PickupCoil(name="search", vertices_m=coil.vertices_m, turns=coil.turns, moves=coil.moves)
 
 
