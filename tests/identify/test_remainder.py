@@ -38,17 +38,15 @@ def stray_energy(readings, rows):
     return {**readings, "force_N": force, "flux_linkage_Wb": flux}
 
 
+def learnt_of(model, seed, cause, effects=NAME):
+    return add_effects(model, campaign(model, seed, change=cause, distances=12, currents=4), effects)
+
+
 @pytest.fixture(scope="module")
 def learnt(levitation_model):
     """Each cause learnt from three runs."""
     causes = {"load cell": bent_load_cell, "energy": stray_energy}
-
-    def learn_from(name):
-        return add_effects(
-            levitation_model, campaign(levitation_model, 5, change=causes[name], distances=12, currents=4), NAME
-        )
-
-    return functools.cache(learn_from)
+    return functools.cache(lambda name: learnt_of(levitation_model, 5, causes[name]))
 
 
 @pytest.mark.parametrize(
@@ -93,8 +91,7 @@ def force_turned(readings, rows):
 
 
 def test_a_channel_whose_error_rises_on_runs_left_out_is_named_and_what_is_left_of_it_is_no_noise(levitation_model):
-    table = campaign(levitation_model, 5, change=force_turned, distances=12, currents=4)
-    result = add_effects(levitation_model, table, NAME)
+    result = learnt_of(levitation_model, 5, force_turned)
     assert result.fall_unseen > 9.0  # over all channels the weighted error falls
     assert result.risen == ("flux_linkage_Wb",)
     assert result.objections == ("risen",)
@@ -156,14 +153,10 @@ def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model
 
 @pytest.mark.nightly
 def test_the_error_with_effects_and_what_is_learnt_falls_from_that_of_the_model_as_given(levitation_model):
-    table = campaign(
-        levitation_model,
-        8,
-        change=lambda readings, rows: stray_energy(readings | {"hall_V": readings["hall_V"] + 0.02}, rows),
-        distances=12,
-        currents=4,
-    )
-    result = add_effects(levitation_model, table, [NAME, "hall_offset"])
+    def both(readings, rows):
+        return stray_energy(readings | {"hall_V": readings["hall_V"] + 0.02}, rows)
+
+    result = learnt_of(levitation_model, 8, both, [NAME, "hall_offset"])
     given = {one.channel: one for one in result.fall.channels}["hall_V"]
     assert given.rms_before == pytest.approx(np.hypot(0.02, NOISE["hall_V"]), rel=0.05)
     assert given.rms_after < 1.3 * NOISE["hall_V"]
@@ -215,8 +208,8 @@ def learnt_from_record(model):
     share = EffectParameter("share", bounds=(0.0, 2.0), plausible=(0.0, 1.0), description="How much of it is there.")
     carried = Carried((FieldTerm("share", coenergy=coenergy),)).effect("hidden", "Something.", [share])
     cogging = AddedEffect(carried, {"share": 1.0})
-    noise = {"distance_m": 3e-5, "current_A": 4e-3}
-    record = recorded(closed_loop(model, [cogging], runs=2, seconds=2.0, seed=5), runs=(1, 2), **noise)
+    loops = closed_loop(model, [cogging], runs=2, seconds=2.0, seed=5)
+    record = recorded(loops, runs=(1, 2), distance_m=3e-5, current_A=4e-3)
     return ff.add_effects(model, record, NAME)
 
 
