@@ -10,7 +10,7 @@ from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import EffectPoint
-from femfit.identify.add_effects import _unidentified, add_effects
+from femfit.identify.add_effects import _unidentified
 from femfit.identify.bench import bench_observations
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
@@ -31,7 +31,7 @@ OF_POT = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
 def both(levitation_model):
     """Saturation and a Hall offset, added in this order to four runs that show both."""
     table = campaign(levitation_model, 41, [SATURATION, HALL], runs=4)
-    return table, add_effects(levitation_model, table, ["core_saturation", "hall_offset"])
+    return table, ff.add_effects(levitation_model, table, ["core_saturation", "hall_offset"])
 
 
 def test_the_error_falls_to_the_noise_floor_on_runs_left_out(both):
@@ -61,7 +61,7 @@ def test_intervals_hold_the_truth(both):
 def test_adding_an_effect_again_refits_it(both, levitation_model):
     table, first = both
     wrong = with_effects(levitation_model, [SATURATION, hidden("hall_offset", offset_V=-0.05)])
-    again = add_effects(wrong, table, ["hall_offset"])
+    again = ff.add_effects(wrong, table, ["hall_offset"])
     assert [added.effect.name for added in again.model.effects] == ["core_saturation", "hall_offset"]
     assert again.added[1].parameters["offset_V"] == pytest.approx(first.added[1].parameters["offset_V"], rel=0.01)
     (fall,) = [one for one in again.fall.channels if one.channel == "hall_V"]
@@ -71,7 +71,7 @@ def test_adding_an_effect_again_refits_it(both, levitation_model):
 def test_an_effect_of_the_model_that_the_data_cannot_show_stays_as_it_is(levitation_model):
     table = campaign(levitation_model, 42, [HALL, SATURATION], runs=3)
     table = without(table, "hall_V", "force_N", "voltage_V")
-    result = add_effects(with_effects(levitation_model, [HALL]), table, ["core_saturation"])
+    result = ff.add_effects(with_effects(levitation_model, [HALL]), table, ["core_saturation"])
     assert result.kept == ("hall_offset",)
     assert {a.effect.name: dict(a.parameters) for a in result.model.effects}["hall_offset"] == {"offset_V": 0.02}
 
@@ -79,7 +79,7 @@ def test_an_effect_of_the_model_that_the_data_cannot_show_stays_as_it_is(levitat
 def test_the_model_runs_at_the_recorded_temperatures_unless_told_otherwise(both, levitation_model):
     table, result = both
     assert result.model.coil_temperature_C == pytest.approx(table.rows["coil_temperature_C"].mean(), abs=0.1)
-    warm = add_effects(levitation_model, table, ["hall_offset"], coil_temperature_C=60.0)
+    warm = ff.add_effects(levitation_model, table, ["hall_offset"], coil_temperature_C=60.0)
     assert warm.model.coil_temperature_C == 60.0
 
 
@@ -87,22 +87,22 @@ def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
     table = campaign(levitation_model, 47)
     no_hall = replace(table, given=tuple(name for name in table.given if name != "hall_V"))
     with pytest.raises(TableError, match="hall_V"):
-        add_effects(levitation_model, no_hall, ["hall_offset"])
+        ff.add_effects(levitation_model, no_hall, ["hall_offset"])
     with pytest.raises(UsageError, match=r"^Effect must be one of .*gremlins"):
-        add_effects(levitation_model, table, ["gremlins"])
+        ff.add_effects(levitation_model, table, ["gremlins"])
     with pytest.raises(UsageError, match=r"^Did you mean remanence\? Effect must be one of"):
-        add_effects(levitation_model, table, ["remanense"])
+        ff.add_effects(levitation_model, table, ["remanense"])
     once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
     scattered = once.iloc[:: len(once) // 12].reset_index(drop=True)  # no neighbours on a line to guess the noise from
     with pytest.raises(TableError, match="twice"):
-        add_effects(levitation_model, replace(table, rows=scattered), ["hall_offset"])
+        ff.add_effects(levitation_model, replace(table, rows=scattered), ["hall_offset"])
 
 
 def test_a_constant_that_nothing_depends_on_is_not_suspicious(strong_pot):
     table = campaign(strong_pot, 45, [hidden("core_saturation", mmf_loss_6=0.1)], noise=OF_POT, runs=4)
     law = strong_pot.magnetics  # and one on which the fit of a sweep, to rounding, depends
     swept = replace(law, coefficients=(*law.coefficients, replace(law.coefficients[0], current_power=1, value=1e-18)))
-    result = add_effects(replace(strong_pot, magnetics=swept), table, ["core_saturation"])
+    result = ff.add_effects(replace(strong_pot, magnetics=swept), table, ["core_saturation"])
     assert not [sentence for sentence in result.suspicious if "magnet" in sentence]
 
 
@@ -145,7 +145,7 @@ def running_resistance(model):
 )
 def test_a_warming_is_written_to_its_end_or_as_far_as_it_was_seen(levitation_model, final_K, time, shown, settled):
     """A twelfth of a time constant of a warming by 100 K: the readings show 8 K, and no end."""
-    result = add_effects(levitation_model, warming(levitation_model, 49, final_K, time), ["coil_temperature"])
+    result = ff.add_effects(levitation_model, warming(levitation_model, 49, final_K, time), ["coil_temperature"])
     assert ("not-settled" not in {one.code for one in result.findings}) is settled
     assert running_resistance(result.model) == pytest.approx(1.0 + 3.93e-3 * shown, abs=0.01)
     (fall,) = [one for one in result.fall.channels if one.channel == "voltage_V"]
@@ -155,7 +155,7 @@ def test_a_warming_is_written_to_its_end_or_as_far_as_it_was_seen(levitation_mod
 @pytest.mark.parametrize("offset_V", [0.0, 0.8], ids=["absent", "implausible"])
 def test_an_effect_that_is_absent_or_too_large_is_called_suspicious(levitation_model, offset_V):
     table = campaign(levitation_model, 45, [hidden("hall_offset", offset_V=offset_V)])
-    result = add_effects(levitation_model, table, ["hall_offset"])
+    result = ff.add_effects(levitation_model, table, ["hall_offset"])
     low, high = result.added[0].ci95["offset_V"]
     assert (low < 0.0 < high) is (offset_V == 0.0)
     assert any("hall_offset" in sentence for sentence in result.suspicious)

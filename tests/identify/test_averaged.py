@@ -10,7 +10,6 @@ from femfit.core.errors import TableError
 from femfit.identify.bench import placed
 from femfit.identify.constants import MOST_ROWS
 from femfit.identify.settings import AVERAGED_TO, noise_of_means, stretches
-from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, settings
 from support.campaign import campaign as few
 
@@ -37,7 +36,7 @@ def logged(model, folder, seed=3, shuffled=False, rho=0.8):
     rows = rows.sample(frac=1.0, random_state=1) if shuffled else rows.assign(order=np.arange(len(rows)))
     file = folder / "log.csv"
     rows.to_csv(file, index=False)
-    return read_measurement(file)
+    return ff.read_measurement(file)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])

@@ -17,11 +17,10 @@ from femfit.core.errors import ActuatorFileError, TableError, UsageError
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import effect_by_name
-from femfit.field.sweep import run_sweep
 from femfit.identify.add_effects import whitening_beside
 from femfit.identify.bench import placed
 from femfit.identify.calibration import calibrate as calibration
-from femfit.identify.calibration.calibrate import _diagnosed, _moved, calibrate
+from femfit.identify.calibration.calibrate import _diagnosed, _moved
 from femfit.identify.calibration.fit import Redrawn, estimate
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, remarks, verdict
@@ -55,7 +54,7 @@ def readings(rows, seed=1, runs=3, offset=OFFSET, noise=NOISE):
 
 def field_of(text, directory, distances=DISTANCES):
     """Rows of the sweep of a drawing."""
-    return run_sweep(actuator_from_toml(text.replace(DISTANCES, distances)), directory, workers=1).rows
+    return ff.run_sweep(actuator_from_toml(text.replace(DISTANCES, distances)), directory, workers=1).rows
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +78,7 @@ def bench(place, built):
 
 @pytest.fixture(scope="module")
 def found(place, bench):
-    return calibrate(place / "small.toml", bench, place / "runs", numbers=[HEIGHT, IRON], workers=1)
+    return ff.calibrate(place / "small.toml", bench, place / "runs", numbers=[HEIGHT, IRON], workers=1)
 
 
 def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
@@ -102,7 +101,7 @@ def test_a_number_that_is_twenty_tolerances_off_is_found_and_called_unusual(plac
     (place / "tight.toml").write_text(text)
     readings(built, offset=0.0).to_csv(place / "tight.csv", index=False)
     options = {"numbers": HEIGHT, "effects": [], "workers": 1}
-    result = calibrate(place / "tight.toml", place / "tight.csv", place / "tight", **options)
+    result = ff.calibrate(place / "tight.toml", place / "tight.csv", place / "tight", **options)
     (height,) = result.numbers
     assert result.settled
     assert abs(height.value - TRUE_HEIGHT) < 4.0 * height.sd_as_drawn < 0.002  # of 0.07 mm
@@ -207,7 +206,7 @@ def test_the_diagnosis_names_the_number_where_none_is_asked_for(place, built):
     """A lower magnet alone; it is written, and only then is nothing missing."""
     lower = BASE.replace("z_mm = [0, 4]", "z_mm = [0, 3.94]")
     readings(field_of(lower, place / "lower"), offset=0.0).to_csv(place / "lower.csv", index=False)
-    result = calibrate(place / "small.toml", place / "lower.csv", place / "runs", workers=1)
+    result = ff.calibrate(place / "small.toml", place / "lower.csv", place / "runs", workers=1)
     by_key = {one.key: one for one in result.numbers}
     assert abs(by_key[HEIGHT].value - 3.94) < 3.0 * by_key[HEIGHT].sd
     assert result.lack_of_fit.p_value > 0.01
@@ -220,7 +219,9 @@ def test_a_pair_that_readings_cannot_separate_is_said(place):
     force = {"force_N": NOISE["force_N"]}
     readings(rows[rows["current_A"] == 0.0], noise=force).to_csv(place / "still.csv", index=False)
     pair = ["materials.hard.remanence_T", "materials.hard.relative_permeability"]
-    result = calibrate(place / "small.toml", place / "still.csv", place / "runs", numbers=pair, effects=(), workers=1)
+    result = ff.calibrate(
+        place / "small.toml", place / "still.csv", place / "runs", numbers=pair, effects=(), workers=1
+    )
     (combination,) = result.undetermined
     assert set(combination.change) == set(pair)
     assert 0.5 < combination.left <= 1.0
@@ -234,7 +235,7 @@ def test_errors_say_what_to_do_before_anything_is_solved(place, bench, tmp_path)
         ("small.toml", [], HEIGHT, TableError, "measurement"),
     ):
         with pytest.raises(error, match=words):
-            calibrate(place / drawing, data, tmp_path / "runs", numbers=numbers)
+            ff.calibrate(place / drawing, data, tmp_path / "runs", numbers=numbers)
     assert not (tmp_path / "runs").exists()
 
 

@@ -6,11 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.effects.conditions import Conditions
 from femfit.identify.bench import placed
-from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import gather
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.remarks import campaign_remarks
 from femfit.identify.lack_of_fit import describe_misfit, where_it_fails
 from femfit.identify.misfit import measured_curves
@@ -20,7 +19,6 @@ from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
-from femfit.tables.measurement_file import read_measurement
 from support.campaign import LARGE, NOISE, OF_POT, campaign, hidden, observed, rising, without
 from support.one_current import flat
 
@@ -39,7 +37,7 @@ def columns(findings, code):
 def test_a_channel_that_never_varies_has_no_noise_and_says_so(levitation_model, held):
     table = campaign(levitation_model, 11)
     table = replace(table, rows=table.rows.assign(force_N=held), declared_noise={})
-    comparison = compare(levitation_model, table)
+    comparison = ff.compare(levitation_model, table)
     assert by_channel(comparison)["force_N"].noise_floor is None
     assert columns(comparison.findings, "never-varies") == ["force_N"]
     assert by_channel(comparison)["hall_V"].noise_floor == pytest.approx(NOISE["hall_V"], rel=0.2)
@@ -58,7 +56,7 @@ def test_rms_and_maximum_are_those_of_recorded_minus_predicted(levitation_model)
     worst = int(rows["force_N"].idxmin())
     near = (rows["distance_m"] == rows["distance_m"][worst]) & (rows["current_A"] == rows["current_A"][worst])
     rows.loc[near, "force_N"] += 0.01  # a single one would be set aside
-    one = by_channel(compare(levitation_model, replace(table, rows=rows)))["force_N"]
+    one = by_channel(ff.compare(levitation_model, replace(table, rows=rows)))["force_N"]
     assert one.largest.value == pytest.approx(0.01, abs=5 * NOISE["force_N"])
     assert (one.largest.distance_m, one.largest.current_A) == tuple(rows.loc[worst, ["distance_m", "current_A"]])
     assert one.rms**2 * one.readings >= near.sum() * 0.009**2
@@ -66,12 +64,12 @@ def test_rms_and_maximum_are_those_of_recorded_minus_predicted(levitation_model)
 
 def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model):
     table = campaign(levitation_model, 15, [HALL], runs=1)
-    comparison = compare(levitation_model, rising(table, every=5))
+    comparison = ff.compare(levitation_model, rising(table, every=5))
     assert (comparison.verdict, comparison.where.channel) == ("compare_only", "hall_V")
     assert comparison.structure is None
     assert all(one.noise_floor is None for one in comparison.channels)
     assert comparison.findings[-1].code == "no-noise"
-    declared = compare(levitation_model, replace(rising(table), declared_noise=NOISE))
+    declared = ff.compare(levitation_model, replace(rising(table), declared_noise=NOISE))
     assert declared.verdict == "fails"
     assert by_channel(declared)["hall_V"].noise_source == "declared"
 
@@ -79,7 +77,7 @@ def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model)
 @pytest.mark.parametrize("unread", [(), ("mount",)])
 def test_the_freedom_of_the_mounts_is_said(levitation_model, unread):
     table = without(campaign(levitation_model, 20, mount_m=300e-6, **LARGE), *unread)
-    comparison = compare(levitation_model, table)
+    comparison = ff.compare(levitation_model, table)
     assert (comparison.verdict, comparison.where.channel) == ("agrees", "")
     assert comparison.noise.mount_m == pytest.approx(300e-6, rel=0.9)  # three mounts
     assert not comparison.noise.mount_assumed  # they contradict the 20 um that are assumed otherwise
@@ -90,7 +88,7 @@ def test_a_channel_that_was_read_in_one_run_is_not_judged(levitation_model):
     table = campaign(levitation_model, 23, rho=0.0)
     once = table.rows["run"] == 1.0
     rows = table.rows.assign(voltage_V=table.rows["voltage_V"].where(once) * 1.1)
-    for one in compare(levitation_model, replace(table, rows=rows)).channels:
+    for one in ff.compare(levitation_model, replace(table, rows=rows)).channels:
         assert (one.noise_floor is None) is (one.channel == "voltage_V")
 
 
@@ -103,7 +101,7 @@ def test_few_readings_that_scatter_as_by_chance_are_within_their_noise(levitatio
     rows["force_N"] = np.nan
     off = times * NOISE["force_N"] * np.array([1.0, -1.0, 1.0])
     rows.loc[kept, "force_N"] = levitation_model.force(distance, current) + off
-    comparison = compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE))
+    comparison = ff.compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE))
     assert ("force_N" in comparison.beyond_noise) is missed
     assert by_channel(comparison)["force_N"].rms == pytest.approx(times * NOISE["force_N"], rel=1e-6)
 
@@ -113,7 +111,7 @@ def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     """Of a single run without mounts, which has no freedom to be put back."""
     table = campaign(levitation_model, 30, [hidden("distance_offset", offset_m=offset_m)], runs=1, mount_m=0.0)
     table = without(replace(table, declared_noise=NOISE), "mount", "run")
-    comparison, diagnosis = compare(levitation_model, table), diagnose(levitation_model, table)
+    comparison, diagnosis = ff.compare(levitation_model, table), ff.diagnose(levitation_model, table)
     assert (comparison.verdict == "agrees") is (diagnosis.verdict == "nothing_missing")
     assert comparison.p_value == diagnosis.p_value
     assert comparison.noise.mount_m == 0.0
@@ -186,8 +184,8 @@ def test_a_share_of_the_force_is_everywhere_in_any_order_of_the_rows_and_without
     rows = pd.DataFrame({"distance_m": d, "current_A": i, "force_N": force})
     rows = rows if seed is None else rows.sample(frac=1.0, random_state=seed, ignore_index=True)
     rows.to_csv(tmp_path / "bench.csv", index=False)
-    table = read_measurement(tmp_path / "bench.csv", noise={"force_N": 2e-4})
-    sentence = compare(ball_model, table).where.sentence
+    table = ff.read_measurement(tmp_path / "bench.csv", noise={"force_N": 2e-4})
+    sentence = ff.compare(ball_model, table).where.sentence
     assert " 5 % high everywhere" in sentence
     assert "time" not in sentence
 
@@ -199,7 +197,7 @@ def test_a_misfit_that_halves_over_the_range_is_not_said_to_be_everywhere(levita
     noise = 2e-5 * np.random.default_rng(1).standard_normal(len(rows))
     force = levitation_model.force(rows["distance_m"].to_numpy() + 1e-4, rows["current_A"].to_numpy()) + noise
     rows.assign(force_N=force).to_csv(tmp_path / "bench.csv", index=False)
-    sentence = compare(levitation_model, tmp_path / "bench.csv").where.sentence
+    sentence = ff.compare(levitation_model, tmp_path / "bench.csv").where.sentence
     assert "everywhere" not in sentence
     assert " low, most at 1" in sentence
 
@@ -275,10 +273,10 @@ def test_measured_points_lie_on_the_curves_of_what_was_hidden(levitation_model):
 @pytest.mark.nightly
 def test_repeats_and_a_declaration_are_weighed_unless_they_contradict_each_other(levitation_model):
     table = campaign(levitation_model, 15, [HALL], distances=8, currents=5)
-    alone = compare(levitation_model, table)
+    alone = ff.compare(levitation_model, table)
     for factor, sources in ((1.0, {"declared and repeats"}), (0.6, {"repeats"}), (1.7, {"repeats"})):
         declared = {name: factor * sigma for name, sigma in NOISE.items()}
-        both = compare(levitation_model, replace(table, declared_noise=declared))
+        both = ff.compare(levitation_model, replace(table, declared_noise=declared))
         assert {one.noise_source for one in both.channels} == sources
         assert set(columns(both.findings, "declared-noise")) == (set() if factor == 1.0 else set(NOISE))
         for name, one in by_channel(both).items():

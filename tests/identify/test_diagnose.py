@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from femfit.core.errors import FemfitError, TableError, UsageError
+import femfit as ff
+from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import all_effects
-from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import bench_observations
-from femfit.identify.compare import compare
 from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Block, detectable_magnitudes, gather
-from femfit.identify.decision.diagnose import diagnose, said_of
+from femfit.identify.decision.diagnose import said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
-from femfit.identify.suggest import suggest
 from femfit.model.validity import Misfit
 from support.campaign import LARGE, NOISE, OF_POT, campaign, hidden, noise_of, ripple, rising, without
 
@@ -44,12 +42,12 @@ def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_m
 
 def test_three_hidden_effects_are_named_though_the_first_alone_explains_little(levitation_model):
     causes = [HALL, hidden("turns", turns_error=0.03), SATURATION]
-    result = diagnose(levitation_model, campaign(levitation_model, 6, causes))
+    result = ff.diagnose(levitation_model, campaign(levitation_model, 6, causes))
     assert {"core_saturation", "hall_offset", "turns"} == {one.name for one in result.missing}
 
 
 def test_what_is_no_known_effect_is_located_and_not_named(levitation_model):
-    result = diagnose(levitation_model, campaign(levitation_model, 5, change=ripple("force_N", 1.2e-3)))
+    result = ff.diagnose(levitation_model, campaign(levitation_model, 5, change=ripple("force_N", 1.2e-3)))
     assert (result.verdict, result.missing) == ("unexplained", ())
     assert result.where.channel == "force_N"
     assert result.where.covariates[0] == "distance_m"
@@ -63,7 +61,7 @@ def test_no_name_spoils_a_channel_that_was_right(levitation_model):
         force = readings["force_N"]
         return readings | {"force_N": np.minimum(force, 0.5 * force.max())}
 
-    result = diagnose(levitation_model, campaign(levitation_model, 5, change=clipped))
+    result = ff.diagnose(levitation_model, campaign(levitation_model, 5, change=clipped))
     assert result.verdict in {"unexplained", "form_insufficient"}
     assert result.where.channel == "force_N"
     for one in result.error_fall.channels:
@@ -72,11 +70,11 @@ def test_no_name_spoils_a_channel_that_was_right(levitation_model):
 
 def test_without_repeats_or_declared_noise_a_guess_serves_and_nothing_is_certain(levitation_model):
     single = rising(campaign(levitation_model, 7, [HALL], runs=1, rho=0.0))
-    result = diagnose(levitation_model, single)
+    result = ff.diagnose(levitation_model, single)
     assert (result.verdict, result.missing[0].name) == ("named", "hall_offset")
     assert not result.confident
     assert codes(result).count("guessed-noise") == 1
-    declared = diagnose(levitation_model, replace(single, declared_noise=NOISE))
+    declared = ff.diagnose(levitation_model, replace(single, declared_noise=NOISE))
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
     assert "guessed-noise" not in codes(declared)
 
@@ -86,7 +84,7 @@ def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(
         return readings | {"voltage_V": (1.0 + 25 * 3.93e-3) * readings["voltage_V"]}
 
     table = without(campaign(levitation_model, 13, change=warm), "coil_temperature_C")
-    result = diagnose(levitation_model, table)
+    result = ff.diagnose(levitation_model, table)
     (named,) = result.missing
     assert set(named.members) == {"resistance", "coil_temperature"}  # the same readings, the commoner cause first
     assert named.plausible
@@ -98,7 +96,7 @@ def test_a_zero_that_creeps_from_row_to_row_is_said_where_no_effect_is_one(levit
         return readings | {"force_N": readings["force_N"] + 0.01 * (1.0 - np.exp(-2.5 * elapsed))}
 
     table = without(campaign(levitation_model, 4, runs=2, change=creeping, **CLEAN), "order", "run", "mount")
-    diagnosis = diagnose(levitation_model, replace(table, rows=table.rows.assign(run=1.0, mount=1.0)))
+    diagnosis = ff.diagnose(levitation_model, replace(table, rows=table.rows.assign(run=1.0, mount=1.0)))
     assert diagnosis.verdict in {"unexplained", "form_insufficient"}
     (remark,) = (one for one in diagnosis.findings if one.code == "creeping-zero")
     assert remark.column == "force_N"
@@ -106,7 +104,7 @@ def test_a_zero_that_creeps_from_row_to_row_is_said_where_no_effect_is_one(levit
 
 
 def test_no_error_of_the_bench_explains_what_no_test_sees(levitation_model):
-    diagnosis = diagnose(levitation_model, campaign(levitation_model, 0, change=ripple("force_N", 5e-4)))
+    diagnosis = ff.diagnose(levitation_model, campaign(levitation_model, 0, change=ripple("force_N", 5e-4)))
     assert diagnosis.verdict == "unexplained"
     assert diagnosis.p_value > LEVEL
     assert not {"creeping-zero", "stage-errors"} & set(codes(diagnosis))
@@ -147,16 +145,16 @@ def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(pot):
     table = campaign(pot, 15, [gap], change=missed(1.5e-2), noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0, **LARGE)
     assert noise_of(pot, table).mount_m < 15e-6
     rms = 0.01 * float(np.sqrt(np.mean(table.rows["force_N"] ** 2)))
-    found = diagnose(with_misfit(pot, rms, 0.01), table)
+    found = ff.diagnose(with_misfit(pot, rms, 0.01), table)
     assert (found.verdict, found.missing[0].members[0]) == ("named", "distance_offset")
     # The model's own misfit is steepest where the force is, and takes its part of the gap
     assert found.missing[0].parameters["offset_m"] == pytest.approx(150e-6, rel=0.1)
-    assert diagnose(with_misfit(pot, 0.0, 0.0), table).verdict != "named"  # this model would have no such misfit
+    assert ff.diagnose(with_misfit(pot, 0.0, 0.0), table).verdict != "named"  # this model would have no such misfit
 
 
 def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     turns, noise = hidden("turns", turns_error=-0.03), {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
-    found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, **CLEAN, **LARGE))
+    found = ff.diagnose(pot, campaign(pot, 16, [turns], noise=noise, **CLEAN, **LARGE))
     alone = found.posterior.explanations
     behind = alone[frozenset({"turns"})].log_evidence - alone[frozenset({"current_gain"})].log_evidence
     assert 50.0 < behind < 0.005 * found.excess
@@ -171,23 +169,23 @@ def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
 )
 def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levitation_model, effect):
     table = campaign(levitation_model, 3, [effect])
-    found = diagnose(levitation_model, table)
+    found = ff.diagnose(levitation_model, table)
     assert (found.missing[0].name, found.look_alikes, found.confident) == (effect.effect.name, (), True)
-    beside = diagnose(levitation_model, table, exclude=("hall_offset",))
+    beside = ff.diagnose(levitation_model, table, exclude=("hall_offset",))
     assert beside.missing[0].name == effect.effect.name
     assert "hall_offset" in said_of(beside, "certainty")
     assert said_of(beside, "certainty").startswith("Not certain")
-    advice = str(suggest(levitation_model, table, beside))
+    advice = str(ff.suggest(levitation_model, table, beside))
     assert said_of(beside, "certainty") in advice
     assert effect.effect.experiment in advice
-    withheld = diagnose(levitation_model, table, exclude=(effect.effect.name,))
+    withheld = ff.diagnose(levitation_model, table, exclude=(effect.effect.name,))
     assert withheld.verdict in {"unexplained", "form_insufficient"}
     assert not withheld.confident
 
 
 def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
     table = campaign(levitation_model, 3, [hidden("force_gain", gain_error=0.008)], noise={"force_N": NOISE["force_N"]})
-    found = diagnose(levitation_model, table)
+    found = ff.diagnose(levitation_model, table)
     assert found.verdict == "named"
     assert "current_gain" in found.look_alikes
     assert {name for one in found.missing for name in one.members[1:]} <= set(found.look_alikes)
@@ -196,7 +194,7 @@ def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
 
 def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitation_model):
     table = campaign(levitation_model, 3, [hidden("constant_force", pull=0.03)])
-    alone = diagnose(levitation_model, table, exclude=("force_offset",))
+    alone = ff.diagnose(levitation_model, table, exclude=("force_offset",))
     assert alone.missing[0].name == "constant_force"
     assert not alone.confident
     assert "a constant error of the force" in alone.look_alikes
@@ -204,7 +202,7 @@ def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitat
 
 @pytest.fixture(scope="module")
 def found(levitation_model):
-    return diagnose(levitation_model, campaign(levitation_model, 7, [hidden("current_gain", gain_error=0.05)]))
+    return ff.diagnose(levitation_model, campaign(levitation_model, 7, [hidden("current_gain", gain_error=0.05)]))
 
 
 @pytest.mark.parametrize(("times", "readings", "said"), [(1.76, 121, True), (1.1, 121, False), (1.4, 4, True)])
@@ -244,8 +242,8 @@ def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(pot, name,
 
 def test_a_law_is_to_be_replaced_by_the_co_energy_rather_than_swept_again(pot):
     model, table = coarse(pot)
-    assert compare(model, table(1)).verdict == "wrong_shape"
-    advice = str(suggest(model, table(1)))
+    assert ff.compare(model, table(1)).verdict == "wrong_shape"
+    advice = str(ff.suggest(model, table(1)))
     assert "co-energy" in advice
     assert "[sweep]" not in advice
 
@@ -298,10 +296,10 @@ def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_
     scatter = observations.rms(observations.residual)["force_N"]  # of readings and mounts
     from_third = clean.rows["run"] >= clean.rows["run"].min() + 2
     clean.rows.loc[from_third, "force_N"] = wrong.rows.loc[from_third, "force_N"]
-    found = diagnose(levitation_model, clean)
+    found = ff.diagnose(levitation_model, clean)
     assert [(one.name, one.runs) for one in found.missing] == [("force_gain", (3, 4))]
     assert found.to_dict()["missing"][0]["when"] == {"first_run": 3, "last_run": 4}
-    better = add_effects(levitation_model, clean, found)
+    better = ff.add_effects(levitation_model, clean, found)
     (added,) = better.model.effects
     assert added.runs is None
     assert added.parameters["gain_error"] == pytest.approx(0.04, rel=0.1)
@@ -314,13 +312,13 @@ def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_
 @pytest.mark.parametrize(
     ("call", "error", "named"),
     [
-        (lambda model, table: add_effects("absent.json", table, "friction"), FemfitError, "absent"),
-        (lambda model, table: add_effects(model, table, []), TableError, "No effect"),
-        (lambda model, table: add_effects(model, table, model), TableError, "No effect"),
-        (lambda model, table: add_effects(model, table, "friction", coil_temperature_C=-300.0), UsageError, "-300"),
-        (lambda model, table: suggest(model, table, model), TableError, "ActuatorModel"),
-        (lambda model, table: diagnose(table, None), UsageError, "BenchTable"),
-        (lambda model, table: compare(model, None), TableError, "NoneType"),
+        (lambda model, table: ff.add_effects("absent.json", table, "friction"), ff.FemfitError, "absent"),
+        (lambda model, table: ff.add_effects(model, table, []), TableError, "No effect"),
+        (lambda model, table: ff.add_effects(model, table, model), TableError, "No effect"),
+        (lambda model, table: ff.add_effects(model, table, "friction", coil_temperature_C=-300.0), UsageError, "-300"),
+        (lambda model, table: ff.suggest(model, table, model), TableError, "ActuatorModel"),
+        (lambda model, table: ff.diagnose(table, None), UsageError, "BenchTable"),
+        (lambda model, table: ff.compare(model, None), TableError, "NoneType"),
     ],
 )
 def test_an_argument_of_another_kind_is_refused_by_its_name(levitation_model, call, error, named):
@@ -334,7 +332,7 @@ def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_ref
     table = campaign(levitation_model, 4, [SATURATION, hidden("hall_offset", offset_V=5e-3)], **LARGE)
     for most, ended in ((3, []), (2, [2])):
         monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", most)
-        result = diagnose(levitation_model, table)
+        result = ff.diagnose(levitation_model, table)
         assert [one.size for one in result.findings if one.code == "search-ended"] == ended
         if not ended:
             assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]

@@ -6,15 +6,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+import femfit as ff
 from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
 from femfit.identify.bench import bench_observations
-from femfit.identify.decision.diagnose import Diagnosis, diagnose
 from femfit.identify.plan import examine_plan
 from femfit.identify.settings import conditions_of
 from femfit.identify.signatures import why_untestable
-from femfit.identify.suggest import Advice, Suggestion, _isolating, joined, suggest, suggest_measurements
+from femfit.identify.suggest import Advice, Suggestion, _isolating, joined, suggest_measurements
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of
@@ -46,7 +46,7 @@ def measured(model, seed, causes, channels=("force_N",), **size):
     effects = [hidden(name, **values) for name, values in causes.items()]
     noise = {name: NOISE[name] for name in channels}
     table = with_channels(campaign(model, seed, effects, noise=noise, **size), *channels)
-    return table, diagnose(model, table)
+    return table, ff.diagnose(model, table)
 
 
 def advice_of(model, table, diagnosis):
@@ -64,7 +64,7 @@ def confounded(levitation_model, monkeypatch):
     monkeypatch.setattr("femfit.identify.decision.diagnose.considered_effects", lambda *_: list(PAIR))
     effect = AddedEffect(FORCE_SCALE, {"gain": 0.04})
     table = with_channels(campaign(levitation_model, 21, [effect], noise=FORCE), "force_N")
-    return table, diagnose(levitation_model, table)
+    return table, ff.diagnose(levitation_model, table)
 
 
 def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the_same_does_not(
@@ -72,7 +72,7 @@ def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the
 ):
     table, diagnosis = confounded
     assert set(diagnosis.missing[0].members) == {"force_scale", "pull_scale"}
-    advice = suggest(levitation_model, table, diagnosis)
+    advice = ff.suggest(levitation_model, table, diagnosis)
     first = advice.suggestions[0]
     assert first.text == "Hang a reference weight on the force sensor."  # ten readings
     (gain,) = next(fit.effects for fit in diagnosis.explanations if fit.names == ("force_scale",))
@@ -86,9 +86,9 @@ def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the
 def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levitation_model, monkeypatch):
     table, diagnosis = confounded
     fits = diagnosis.explanations[:2]
-    monkeypatch.setattr(Diagnosis, "explanations", (*fits, *fits, fits[0]))
+    monkeypatch.setattr(ff.Diagnosis, "explanations", (*fits, *fits, fits[0]))
     monkeypatch.setattr("femfit.identify.suggest.COMPARED", 2)
-    advice = suggest(levitation_model, table, diagnosis)
+    advice = ff.suggest(levitation_model, table, diagnosis)
     assert len(advice.explanations) == 2
     assert advice.further == advice.to_dict()["further"] == 3
 
@@ -129,7 +129,7 @@ def test_a_pull_and_a_sensors_offset_are_never_said_to_be_separated_by_readings_
 def test_an_offset_of_the_force_sensor_and_a_pull_are_separated_by_an_empty_sensor(solenoid):
     table, diagnosis = measured(solenoid, 3, {"force_offset": {"offset": 0.004}})
     assert {fit.names[0] for fit in diagnosis.explanations} >= {"force_offset", "constant_force"}
-    advice = suggest(solenoid, table, diagnosis)
+    advice = ff.suggest(solenoid, table, diagnosis)
     assert {"force_offset", "constant_force"} not in [set(pair) for pair in advice.never]
     empty = next(one for one in advice.suggestions if one.text == "Take everything off the force sensor, and read it.")
     assert {"force_offset", "constant_force"} in pairs_of(empty)
@@ -198,7 +198,7 @@ def broken_promises(model, name, seed, channels):
             if not rivals:
                 continue
             data = simulated(model, table, one.experiment, fit.effects, int(seeds.integers(2**31)))
-            left = {" + ".join(other.names) for other in diagnose(model, data).explanations}
+            left = {" + ".join(other.names) for other in ff.diagnose(model, data).explanations}
             tried += 1
             broken += [(one.text, truth, rival) for rival in rivals if {truth, rival} <= left]
     return broken, tried
@@ -267,4 +267,4 @@ def test_a_plan_of_force_alone_names_what_it_leaves_together_and_what_would_sepa
 def test_advice_on_one_current_is_sound(solenoid):
     whole = campaign(solenoid, 32, [hidden("force_offset", offset=0.03)], runs=4, noise=FORCE)
     rows = whole.rows[np.isclose(whole.rows["current_A"], 0.7)].reset_index(drop=True)
-    assert str(suggest(solenoid, with_channels(replace(whole, rows=rows), "force_N")))
+    assert str(ff.suggest(solenoid, with_channels(replace(whole, rows=rows), "force_N")))

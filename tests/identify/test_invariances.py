@@ -7,13 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.core.errors import TableError
-from femfit.identify.add_effects import add_effects
 from femfit.identify.bench import placed
-from femfit.identify.compare import compare
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
-from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, campaign, hidden, noise_of
 
 HALL = hidden("hall_offset", offset_V=0.02)
@@ -25,7 +22,7 @@ def written(table, folder, name="bench"):
     """The measurement as the user's file has it."""
     file = folder / f"{name}.csv"
     table.to_csv(file, index=False)
-    return read_measurement(file)
+    return ff.read_measurement(file)
 
 
 def numbers(noise):
@@ -34,7 +31,7 @@ def numbers(noise):
 
 def told(model, data):
     """The noise and the comparison of a measurement; a diagnosis rests on what it compares."""
-    comparison = compare(model, data)
+    comparison = ff.compare(model, data)
     return numbers(estimate_noise(comparison.observations)), comparison
 
 
@@ -71,7 +68,7 @@ def test_noise_that_lasts_is_no_misfit_though_no_clock_tells_what_follows_what(l
     data = written(clean.sample(frac=1.0, random_state=seed), tmp_path)
     noise = estimate_noise(placed(levitation_model, data))
     np.testing.assert_allclose(noise.rho.mean(), 0.6, atol=0.2)  # four channels of some 130 repeats each
-    assert compare(levitation_model, data).verdict == "agrees"
+    assert ff.compare(levitation_model, data).verdict == "agrees"
 
 
 @pytest.mark.parametrize("clock", [pytest.param(True, marks=pytest.mark.nightly), False])
@@ -85,10 +82,10 @@ def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wr
     rows = pd.DataFrame({"run": run, "current_A": 0.5, "distance_m": d, "force_N": read})
     rows = rows.assign(order=np.arange(25.0)) if clock else rows
     table = replace(written(rows, tmp_path), declared_noise={"force_N": sigma})
-    comparison = compare(levitation_model, table)
+    comparison = ff.compare(levitation_model, table)
     assert estimate_noise(comparison.observations).run[0] < 0.5 * sigma  # nor is it an offset of the runs
     assert comparison.verdict == "fails"
-    assert diagnose(levitation_model, table).verdict != "nothing_missing"
+    assert ff.diagnose(levitation_model, table).verdict != "nothing_missing"
 
 
 MILLI = {"force_N": "force_mN", "distance_m": "distance_mm", "current_A": "current_mA"}
@@ -122,7 +119,7 @@ def test_more_structure_never_looks_more_like_noise(levitation_model, declared, 
     p_values = []
     for times in (1.0, 1.5, 2.0, 4.0):
         force = clean.rows["force_N"] + times * NOISE["force_N"] * structure
-        comparison = compare(levitation_model, replace(clean, rows=clean.rows.assign(force_N=force)))
+        comparison = ff.compare(levitation_model, replace(clean, rows=clean.rows.assign(force_N=force)))
         p_values.append(comparison.p_value)
     # Run offsets take up a constant error whole: such p-values are equal within what the variances converge to
     assert all(after <= before + 1e-5 for before, after in pairwise(p_values)), p_values
@@ -136,13 +133,13 @@ def test_more_structure_never_looks_more_like_noise(levitation_model, declared, 
 def test_few_readings_are_neither_a_crash_nor_a_pass(levitation_model, declared, count):
     table = campaign(levitation_model, 75, [HALL], runs=1, distances=4, currents=3)
     few = replace(table, rows=table.rows.iloc[:count].reset_index(drop=True), declared_noise=NOISE if declared else {})
-    comparison, diagnosis = compare(levitation_model, few), diagnose(levitation_model, few)
+    comparison, diagnosis = ff.compare(levitation_model, few), ff.diagnose(levitation_model, few)
     assert comparison.verdict != "agrees"  # the Hall readings are seven times their noise off
     if count < 6 or not declared:
         assert {comparison.verdict, diagnosis.verdict} == {"compare_only"}
         assert comparison.findings[-1].code == diagnosis.findings[-1].code in {"too-few-readings", "no-noise"}
         with pytest.raises(TableError):
-            add_effects(levitation_model, few, ["hall_offset"])
+            ff.add_effects(levitation_model, few, ["hall_offset"])
 
 
 @pytest.mark.parametrize(("effects", "wild"), [([], 3), ([HALL], 1)])
@@ -153,7 +150,7 @@ def test_a_wild_reading_neither_names_an_effect_nor_hides_one(levitation_model, 
     # Where there is a force to slip
     places = np.random.default_rng(wild).choice(np.flatnonzero(rows["force_N"] > 0.02), wild, replace=False)
     rows.loc[places, "force_N"] *= 10.0
-    found = diagnose(levitation_model, replace(table, rows=rows))
+    found = ff.diagnose(levitation_model, replace(table, rows=rows))
     assert [one.name for one in found.missing] == [one.effect.name for one in effects]
     (finding,) = [one for one in found.findings if one.code == "outliers"]
     assert finding.size == wild

@@ -7,11 +7,10 @@ import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
+import femfit as ff
 from femfit.core.errors import TableError
 from femfit.estimate.record import converter_step
 from femfit.identify.bench import bench_observations
-from femfit.identify.compare import compare
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.design import ChannelDesign, rho_of, share_of
 from femfit.identify.noise.likelihood import Contrasts, Likelihood
@@ -138,7 +137,7 @@ def test_where_mounts_have_all_that_repeats_differ_by_the_declared_noise_stands(
     rows = table.rows.assign(mount=np.arange(1.0, 1.0 + len(table.rows)))
     table = replace(table, rows=rows, declared_noise={"force_N": 4e-4})
     assert noise_of(levitation_model, table).source == {"force_N": "declared"}
-    assert compare(levitation_model, table).verdict == "agrees"
+    assert ff.compare(levitation_model, table).verdict == "agrees"
 
 
 def test_a_prior_counts_like_readings_of_its_variance():
@@ -234,7 +233,7 @@ def on_a_bad_stage(model, seed, stop_m):
 def test_a_single_run_on_a_stage_that_is_off_as_declared_is_not_accused(levitation_model, seed):
     table = on_a_bad_stage(levitation_model, seed, 300e-6)
     table = replace(table, declared_noise=NOISE | {"distance_m": 300e-6})
-    comparison = compare(levitation_model, table)
+    comparison = ff.compare(levitation_model, table)
     noise = estimate_noise(comparison.observations)
     assert noise.stop_m == pytest.approx(300e-6, rel=1e-3)  # nothing repeats a stop: what is declared stands
     assert np.all(noise.rho < 0.5)
@@ -245,7 +244,7 @@ def test_a_single_run_on_a_stage_that_is_off_as_declared_is_not_accused(levitati
 def test_a_stage_that_nobody_declared_is_said_to_explain_what_no_effect_does(levitation_model):
     rippled = campaign(levitation_model, 2, runs=1, change=ripple("force_N", 8.0 * NOISE["force_N"]))
     tables = on_a_bad_stage(levitation_model, 2, 150e-6), replace(rippled, declared_noise=NOISE)
-    off, other = (diagnose(levitation_model, table) for table in tables)
+    off, other = (ff.diagnose(levitation_model, table) for table in tables)
     assert off.verdict == "unexplained"
     (stage,) = (finding for finding in off.findings if finding.code == "stage-errors")
     assert stage.size == pytest.approx(150e-6, rel=0.4)
@@ -254,13 +253,13 @@ def test_a_stage_that_nobody_declared_is_said_to_explain_what_no_effect_does(lev
 
 def test_a_declared_error_of_the_current_by_which_readings_would_scatter_more_is_not_used(levitation_model):
     table = campaign(levitation_model, 5, rho=0.0, runs=2)
-    known = compare(levitation_model, table)
-    result = compare(levitation_model, replace(table, declared_noise={"current_A": 0.005}))
+    known = ff.compare(levitation_model, table)
+    result = ff.compare(levitation_model, replace(table, declared_noise={"current_A": 0.005}))
     assert result.verdict == known.verdict == "agrees"
     np.testing.assert_allclose(result.noise.sigma, known.noise.sigma, rtol=1e-9)
     (told,) = [finding for finding in result.findings if finding.code == "declared-setting"]
     assert (told.column, told.severity) == ("current_A", "warning")
-    less = compare(levitation_model, replace(table, declared_noise={"current_A": 1e-4}))
+    less = ff.compare(levitation_model, replace(table, declared_noise={"current_A": 1e-4}))
     assert "declared-setting" not in [finding.code for finding in less.findings]
 
 
@@ -269,7 +268,7 @@ def test_a_declared_error_of_the_distance_hides_no_gain_that_is_far_smaller(levi
     table = campaign(levitation_model, 9, mount_m=0.0, rho=0.0, runs=1, **LARGE)
     rows = table.rows.assign(force_N=1.03 * table.rows["force_N"])
     rows = rows.sort_values([by, "order"], kind="stable", ignore_index=True).assign(order=np.arange(len(rows)))
-    result = compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE | {"distance_m": 2e-3}))
+    result = ff.compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE | {"distance_m": 2e-3}))
     assert result.verdict == "fails"
     (told,) = [finding for finding in result.findings if finding.code == "declared-setting"]
     assert told.column == "distance_m"
@@ -281,14 +280,14 @@ def test_a_channel_that_was_read_in_one_of_many_runs_is_no_trouble(levitation_mo
     table = campaign(levitation_model, 8, mount_m=0.0, rho=0.0, distances=10, currents=12, runs=1)
     run = 1.0 + np.arange(len(table.rows)) * 60 // len(table.rows)
     rows = table.rows.assign(run=run, hall_V=table.rows["hall_V"].where(run == 5.0))
-    assert compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE)).verdict == "agrees"
+    assert ff.compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE)).verdict == "agrees"
 
 
 def test_a_declared_error_as_large_as_the_whole_range_is_refused(levitation_model):
     for name, error in (("distance_m", 20.0), ("current_A", 5.0)):
         table = replace(campaign(levitation_model, 5), declared_noise={name: error})
         with pytest.raises(TableError, match=f"The declared error of {name}"):
-            compare(levitation_model, table)
+            ff.compare(levitation_model, table)
 
 
 def test_sixty_runs_whose_offsets_differ_are_not_accused(levitation_model):
@@ -298,7 +297,7 @@ def test_sixty_runs_whose_offsets_differ_are_not_accused(levitation_model):
     run = np.arange(len(table.rows)) * 60 // len(table.rows)
     offset = np.random.default_rng(8).normal(0.0, NOISE["force_N"], 60)
     rows = table.rows.assign(run=run + 1.0, force_N=table.rows["force_N"] + offset[run])
-    result = compare(levitation_model, replace(table, rows=rows, given=("run", *table.given)))
+    result = ff.compare(levitation_model, replace(table, rows=rows, given=("run", *table.given)))
     assert result.verdict == "agrees"
     c = result.noise.channels.index("force_N")
     assert result.noise.run[c] == pytest.approx(NOISE["force_N"], rel=0.3)

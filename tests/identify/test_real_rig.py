@@ -15,7 +15,6 @@ import pytest
 
 import femfit as ff
 from femfit.fit.soft_iron import fit_inductance
-from femfit.model.json_file import read_model, write_model
 from femfit.tables.measurement_file import read_inductance_table
 from support.command import femfit
 from support.one_current import flat
@@ -98,7 +97,7 @@ def rig(tmp_path_factory):
 
 def hover_error(rig, model, zero_A=0.0):
     """Predicted over measured hover current, less one, of every plateau."""
-    model = read_model(rig / model) if isinstance(model, str) else model
+    model = ff.read_model(rig / model) if isinstance(model, str) else model
     hover = pd.read_csv(rig / "hover.csv")
     per_square = flat(model.magnetics).force(1e-3 * hover["distance_mm"].to_numpy(), np.ones(len(hover)))
     return np.sqrt(hover["force_N"] / per_square).to_numpy() / (hover["current_A"].to_numpy() - zero_A) - 1.0
@@ -174,7 +173,7 @@ def test_an_ammeter_that_shows_twenty_milliamperes_at_rest_accounts_for_the_volt
     model = fitted(own, steps["i_ss_A"].between(1.1, 1.75).to_numpy())
     error = 100.0 * hover_error(rig, model, zero)
     np.testing.assert_allclose([error.min(), error.mean(), error.max()], [-4.0, -1.8, 1.7], atol=0.1)
-    write_model(model, rig / "zero.json")
+    ff.write_model(model, rig / "zero.json")
     record = pd.read_csv(rig / "record.csv")
     record.assign(current_A=record["current_A"] - zero).to_csv(rig / "zero.csv", index=False)
     left = {}

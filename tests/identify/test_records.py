@@ -15,7 +15,6 @@ from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.identify.bench import placed
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.series.measured import SensorNoise, propagated
 from femfit.identify.series.motion import Induced, Motion, states_along
 from femfit.identify.series.observations import series_observations
@@ -78,7 +77,7 @@ def test_a_hall_reading_is_as_late_as_the_drawing_says(model, loops):
 def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, loops, records):
     ways = [{}, {"lost": 0.02}, {"converter_A": 5e-3, "current_A": 3e-4}, {"distance_m": 3e-5, "current_A": 4e-3}]
     series = [recorded(loops, seed=run, runs=(run,), **ways[run % 4]) for run in range(1, records + 1)]
-    verdicts = [diagnose(model, record).verdict for record in series]
+    verdicts = [ff.diagnose(model, record).verdict for record in series]
     assert verdicts.count("nothing_missing") >= records - 1
     assert "named" not in verdicts
 
@@ -107,13 +106,13 @@ def test_a_hidden_effect_is_in_the_class_with_its_size_and_a_model_that_has_it_l
     size, rel, beside = HIDDEN[name]
     effect = hidden(name, **size)
     record = recorded(closed_loop(model, [effect], seconds=2.0, seed=3))
-    result = diagnose(model, record)
+    result = ff.diagnose(model, record)
     assert result.verdict == "named"
     assert {name, *beside} <= set(result.missing[0].members)
     if rel and result.missing[0].name == name:
         assert {key: result.missing[0].parameters[key] for key in size} == pytest.approx(size, rel=rel)
     if name == "viscous_friction":
-        assert diagnose(with_effects(model, [effect]), record).verdict == "nothing_missing"
+        assert ff.diagnose(with_effects(model, [effect]), record).verdict == "nothing_missing"
     if name == "mass_error":
         assert result.where.channel == "force_balance_N"
 
@@ -126,7 +125,7 @@ def test_a_stiffer_suspension_is_found_with_its_size_and_is_no_other_preload():
         for k in (2000.0, 2600.0)
     )
     swing = logged([switched([0.0], [0.4], 0.12, model=true, start_m=1.2e-3)], noise=(5e-4, 2e-6))
-    result = diagnose(drawn, swing)
+    result = ff.diagnose(drawn, swing)
     assert (result.verdict, result.missing[0].name) == ("named", "spring_stiffness")
     assert result.missing[0].parameters["stiffness_error"] == pytest.approx(0.3, rel=0.05)
     low, high = ff.add_effects(drawn, swing, ["spring_stiffness", "spring_preload"]).added[1].ci95["preload"]
@@ -149,7 +148,7 @@ def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size
     assert compared.verdict == "agrees", str(compared)
     assert "stands" in {told.code for told in compared.findings}
     smooth = replace(drawn, motion=replace(drawn.motion, coulomb_N=0.0))
-    result = diagnose(smooth, record)
+    result = ff.diagnose(smooth, record)
     assert [cause.name for cause in result.missing] == ["coulomb_friction"], str(result)
     weight = nominal_of(smooth).weight_N
     assert result.missing[0].parameters["level"] * weight == pytest.approx(drawn.motion.coulomb_N, rel=0.1)
@@ -159,7 +158,7 @@ def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size
 def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
     samples, left = closed_loop(model, [hidden("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5), []
     for seed in range(1, 8):
-        result = diagnose(model, recorded(samples, seed=seed, runs=range(1, 7), distance_m=3e-5))
+        result = ff.diagnose(model, recorded(samples, seed=seed, runs=range(1, 7), distance_m=3e-5))
         assert result.missing[0].name == "mass_error"
         assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.025)
         fall = {one.channel: one for one in result.error_fall.channels}
@@ -434,7 +433,7 @@ def test_the_drawing_s_eddy_currents_close_the_balances(conducting):
 
 @pytest.mark.parametrize("share", [0.0, *(pytest.param(share, marks=pytest.mark.nightly) for share in (0.1, -0.1))])
 def test_a_lag_that_the_drawing_does_not_predict_is_named_with_its_size(conducting, share):
-    found = diagnose(conducting, recorded(held(replace(with_conductivity(conducting, share), motion=None))))
+    found = ff.diagnose(conducting, recorded(held(replace(with_conductivity(conducting, share), motion=None))))
     assert [one.name for one in found.missing] == [KEY] * bool(share)
     if share:
         assert found.missing[0].parameters["change"] == pytest.approx(share, abs=0.01)
@@ -483,7 +482,7 @@ def worn():
 
 
 def test_a_worn_stop_is_named_with_its_size(worn):
-    found = diagnose(SWITCHED, worn)
+    found = ff.diagnose(SWITCHED, worn)
     assert found.missing[0].name == "stop_position"
     added = found.missing[0].parameters["near"] * (SWITCHED.validity.distance_max_m - SWITCHED.validity.distance_min_m)
     assert added == pytest.approx(0.1e-3, abs=0.02e-3)
@@ -498,6 +497,6 @@ def test_a_body_that_lies_on_its_stop_while_the_drive_goes_on_lacks_nothing():
     """The noise of its distance would be a motion that induces less voltage, and a gain of -87 % explain noise."""
     turns = 0.025 * np.arange(120)
     loop = switched(turns, np.where(np.arange(120) % 2, 7.0, 12.0), 3.0, start_m=SWITCHED.motion.near_stop.distance_m)
-    found = diagnose(SWITCHED, logged([loop], noise=(3e-3, 5e-6)))
+    found = ff.diagnose(SWITCHED, logged([loop], noise=(3e-3, 5e-6)))
     assert found.verdict == "nothing_missing"
     assert found.p_value > 0.01  # a record has no stage whose screw turns: finer patterns would see noise of the rates

@@ -10,7 +10,6 @@ import pytest
 
 import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.identify.add_effects import add_effects
 from femfit.identify.before_after import run_facts, suspicious_values
 from femfit.identify.remainder import COENERGY, NAME, given, likeliest_root
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
@@ -39,7 +38,7 @@ def stray_energy(readings, rows):
 
 
 def learnt_of(model, seed, cause, effects=NAME):
-    return add_effects(model, campaign(model, seed, change=cause, distances=12, currents=4), effects)
+    return ff.add_effects(model, campaign(model, seed, change=cause, distances=12, currents=4), effects)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +77,7 @@ def test_the_learnt_energy_is_the_true_one(learnt, levitation_model):
 
 
 def test_clean_readings_teach_nothing(levitation_model):
-    result = add_effects(levitation_model, campaign(levitation_model, 6), NAME)
+    result = ff.add_effects(levitation_model, campaign(levitation_model, 6), NAME)
     assert not result.parts
     assert not result.accepted
     assert result.model.effects == ()
@@ -143,7 +142,7 @@ def test_an_unusual_share_of_what_was_learnt_is_said_with_its_size(learnt):
 
 def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model):
     clean = campaign(levitation_model, 6, [hidden("hall_offset", offset_V=0.02)])
-    result = add_effects(levitation_model, clean, [NAME, "hall_offset"])
+    result = ff.add_effects(levitation_model, clean, [NAME, "hall_offset"])
     assert not result.parts
     first, *_, last = str(result).splitlines()
     assert first.startswith("Added hall_offset: the test finds nothing in what is left")
@@ -169,7 +168,7 @@ def test_a_remainder_shrinks_where_its_cause_is_found(learnt, levitation_model):
     # Learnt as a load cell's error from readings that a gain explains: beside the gain its share goes to nothing
     table = campaign(levitation_model, 9, effects=[hidden("force_gain", gain_error=0.05)])
     wrong = with_effects(levitation_model, learnt("load cell").added)
-    result = add_effects(wrong, table, "force_gain")
+    result = ff.add_effects(wrong, table, "force_gain")
     found = {one.effect.name: one.parameters for one in result.model.effects}
     assert found[NAME]["share"] < 0.3
     assert found["force_gain"]["gain_error"] == pytest.approx(0.05, abs=0.01)

@@ -7,24 +7,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.core.errors import MissingPartError, ModelFileError, TableError, UsageError
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.fit.build import fit_model
 from femfit.fit.sensed_field import fit_sensed
-from femfit.identify.add_effects import add_effects
-from femfit.identify.compare import compare
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.plan import examine_plan
 from femfit.identify.series.observations import series_observations
 from femfit.identify.signatures import why_untestable
-from femfit.identify.suggest import suggest
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.dynamics import state_derivative
-from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
+from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
-from femfit.tables.measurement_file import read_measurement
 from support.bearing import NAMES as BEARING_COILS
 from support.bearing import table_of
 from support.campaign import hidden
@@ -40,7 +35,7 @@ NOISE = {"force_N": 0.3, "flux_linkage": 2e-5, "voltage": 2e-3}
 @pytest.fixture(scope="module")
 def bearing():
     """The bearing with bridges; its bias magnet is known from its forces without current."""
-    return fit_model(table_of()).model
+    return ff.fit_model(table_of()).model
 
 
 def bench(model, path, *, gain=(1.0, 1.0), resistance=(1.0, 1.0)):
@@ -71,21 +66,21 @@ def test_one_current_of_a_grid_of_both_is_not_taken_for_none_in_the_other(bearin
     rows = pd.read_csv(bench(bearing, tmp_path / "bench.csv")).drop(columns="current_lower_A")
     rows.rename(columns={"current_upper_A": renamed}).to_csv(tmp_path / "one.csv", index=False)
     with pytest.raises(TableError, match=lacking):
-        compare(bearing, tmp_path / "one.csv")
+        ff.compare(bearing, tmp_path / "one.csv")
 
 
 def test_what_is_found_is_added_kept_and_shown(bearing, tmp_path):
     file = bench(bearing, tmp_path / "bench.csv", gain=(1.04, 1.0), resistance=(1.0, 1.05))
-    found = diagnose(bearing, file)
-    added = add_effects(bearing, file, found)
-    write_model(added.model, tmp_path / "model.json")
-    again = read_model(tmp_path / "model.json")
+    found = ff.diagnose(bearing, file)
+    added = ff.add_effects(bearing, file, found)
+    ff.write_model(added.model, tmp_path / "model.json")
+    again = ff.read_model(tmp_path / "model.json")
     assert {one.effect.name for one in again.effects} == {"current_gain:lower", "resistance:upper"}
     assert again.circuits[1].resistance_ohm == pytest.approx(1.05 * bearing.circuits[1].resistance_ohm, rel=1e-3)
     assert copy.deepcopy(again.effects)[0].effect is again.effects[0].effect
-    assert compare(again, file).verdict == "agrees"
+    assert ff.compare(again, file).verdict == "agrees"
     assert "circuit lower" in str(found)
-    assert "current_gain:lower" in str(suggest(bearing, file, found))
+    assert "current_gain:lower" in str(ff.suggest(bearing, file, found))
 
 
 def test_only_effects_that_several_circuits_can_have_are_considered(bearing):
@@ -130,7 +125,7 @@ def test_halves_are_compared_as_the_whole(levitation_model, tmp_path):
     common = {"run": run, "distance_m": d, "force_N": force}
     pd.DataFrame({**common, "current_A": i}).to_csv(tmp_path / "one.csv", index=False)
     pd.DataFrame({**common, "current_inner_A": i, "current_outer_A": i}).to_csv(tmp_path / "two.csv", index=False)
-    one, two = compare(whole, tmp_path / "one.csv"), compare(cut_in_two(whole), tmp_path / "two.csv")
+    one, two = ff.compare(whole, tmp_path / "one.csv"), ff.compare(cut_in_two(whole), tmp_path / "two.csv")
     assert two.channels[0].rms == pytest.approx(one.channels[0].rms, rel=1e-9)
     assert two.channels[0].noise_floor == pytest.approx(one.channels[0].noise_floor, rel=1e-9)
     assert str(two).splitlines()[0] == str(one).splitlines()[0]
@@ -185,7 +180,7 @@ def test_an_effect_of_the_device_changes_the_halves_as_it_changes_the_whole(whol
 
 
 def test_a_wrong_ammeter_of_one_circuit_is_named_from_a_record(halves, record):
-    found = diagnose(halves, of_both(record, inner=1.0 / 1.1, noise_A=1e-4))
+    found = ff.diagnose(halves, of_both(record, inner=1.0 / 1.1, noise_A=1e-4))
     (named,) = found.missing
     assert named.name == "current_gain:inner"
     assert named.parameters["gain_error"] == pytest.approx(0.1, abs=0.005)
@@ -204,7 +199,7 @@ def test_a_wrong_zero_of_a_hall_element_of_several_circuits_is_named_from_a_reco
     currents = data.rows[[f"current_{name}_A" for name in NAMES]].to_numpy()
     volts = model.sensor.output(data.rows["distance_m"].to_numpy(), currents) + 0.05
     volts += 1e-3 * np.random.default_rng(4).standard_normal(len(volts))
-    found = diagnose(model, replace(data, rows=data.rows.assign(hall_V=volts), given=(*data.given, "hall_V")))
+    found = ff.diagnose(model, replace(data, rows=data.rows.assign(hall_V=volts), given=(*data.given, "hall_V")))
     (named,) = found.missing
     assert named.name == "hall_offset"
     assert named.parameters["offset_V"] == pytest.approx(0.05, abs=1e-3)
@@ -291,16 +286,16 @@ READ = [BOTH, SHORT, *(pytest.param(one, marks=pytest.mark.nightly) for one in (
 def test_nothing_is_named_of_what_was_read_of_a_device_as_drawn(eddied, tmp_path, names):
     for seed in range(4 if "outer" in names else 1):
         path = impedance_bench(eddied, tmp_path / "z.csv", names, seed=seed)
-        assert diagnose(eddied, path).verdict == "nothing_missing"
+        assert ff.diagnose(eddied, path).verdict == "nothing_missing"
 
 
 @pytest.mark.parametrize("names", READ)
 def test_a_wrong_conductivity_is_named_from_whatever_was_read(levitation_model, eddied, tmp_path, names):
     wrong = replace(eddied, eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.08))
     assert with_conductivity(levitation_model, 0.08).eddy.resistances_ohm == pytest.approx(wrong.eddy.resistances_ohm)
-    found = diagnose(eddied, impedance_bench(wrong, tmp_path / "z.csv", names))
+    found = ff.diagnose(eddied, impedance_bench(wrong, tmp_path / "z.csv", names))
     assert [one.name for one in found.missing] == [KEY]
-    (added,) = add_effects(eddied, tmp_path / "z.csv", [KEY]).model.effects
+    (added,) = ff.add_effects(eddied, tmp_path / "z.csv", [KEY]).model.effects
     ((low, high),) = added.ci95.values()
     assert 0.0 < low < 0.08 < high
 
@@ -312,19 +307,19 @@ def test_a_wrong_conductivity_is_named_from_whatever_was_read(levitation_model, 
 def test_what_is_of_one_circuit_is_named_with_it(eddied, tmp_path, name, parameter, size):
     wrong = with_effects(eddied, [hidden(name, **{parameter: size})])
     path = impedance_bench(replace(wrong, base=None, effects=()), tmp_path / "z.csv", (*EACH, *BOTH))
-    (named,) = diagnose(eddied, path).missing
+    (named,) = ff.diagnose(eddied, path).missing
     assert named.name == name
     assert named.parameters[parameter] == pytest.approx(size, rel=0.1)
 
 
 def test_without_a_bias_no_circuit_carries_a_current(eddied, tmp_path):
-    table = read_measurement(impedance_bench(eddied, tmp_path / "z.csv", EACH, bias=(0.0,)))
-    comparison = compare(eddied, table)
+    table = ff.read_measurement(impedance_bench(eddied, tmp_path / "z.csv", EACH, bias=(0.0,)))
+    comparison = ff.compare(eddied, table)
     assert comparison.verdict == "agrees"
     assert set(comparison.observations.currents) == {"current_inner_A", "current_outer_A"}
-    said = read_measurement(tmp_path / "z.csv", settings={"current_inner_mA": 300.0, "current_outer_A": 0.0})
+    said = ff.read_measurement(tmp_path / "z.csv", settings={"current_inner_mA": 300.0, "current_outer_A": 0.0})
     assert set(said.rows["current_inner_A"]) == {0.3}
-    assert compare(eddied, said).verdict == "agrees"
+    assert ff.compare(eddied, said).verdict == "agrees"
 
 
 @pytest.mark.parametrize("column", ["inductance_H", "inductance_innner_H"])
@@ -332,7 +327,7 @@ def test_an_impedance_of_no_known_circuit_is_refused(eddied, tmp_path, column):
     path = impedance_bench(eddied, tmp_path / "z.csv", ("inner",))
     pd.read_csv(path).assign(**{column: 5e-3}).to_csv(path, index=False)
     with pytest.raises(TableError, match=column) as refused:
-        compare(eddied, path)
+        ff.compare(eddied, path)
     assert "inductance_inner_H" in str(refused.value)
 
 
@@ -348,7 +343,7 @@ def test_at_a_low_frequency_a_shorted_winding_carries_nothing(eddied):
 
 
 def test_a_plan_for_several_circuits_looks_at_what_these_can_have(bearing, tmp_path):
-    report = examine_plan(bearing, read_measurement(bench(bearing, tmp_path / "plan.csv")))
+    report = examine_plan(bearing, ff.read_measurement(bench(bearing, tmp_path / "plan.csv")))
     assert {"turns:lower", "turns:upper"} <= report.detectable.keys()
     assert set(report.detectable) | set(report.invisible) <= set(device_effects(bearing.circuit_names))
 
@@ -360,7 +355,7 @@ def test_a_number_whose_field_is_not_followed_to_a_hall_element_is_looked_for_in
     model = with_hall(eddied, levitation_model, np.linspace(0.01, 0.05, 12), [-1.5, 0.0, 1.5])
     model = replace(model, drawn=(*model.drawn, permeability))
     path = impedance_bench(eddied, tmp_path / "z.csv", EACH)
-    found = diagnose(model, path)
+    found = ff.diagnose(model, path)
     assert "hall_V" not in found.observations.channels
     assert not why_untestable(permeability.effect, found.observations)
 
@@ -373,6 +368,6 @@ def test_inductances_at_a_low_frequency_are_a_bench_s_channels_too(eddied, tmp_p
     rows = {"run": run, "distance_m": d, "current_inner_A": i, "current_outer_A": i}
     rows |= {"inductance_inner_H": inductance[:, 0, 0], "inductance_outer_inner_H": inductance[:, 0, 1]}
     pd.DataFrame(rows).to_csv(tmp_path / "l.csv", index=False)
-    comparison = compare(eddied, tmp_path / "l.csv")
+    comparison = ff.compare(eddied, tmp_path / "l.csv")
     assert comparison.verdict == "agrees"
     assert [one.rms for one in comparison.channels] == pytest.approx([1e-6, 1e-6], rel=0.35)  # of 36 readings

@@ -6,13 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.core.errors import TableError
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.bench import bench_observations
-from femfit.identify.compare import compare
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.plan import possible_experiments
 from femfit.identify.plausible import plausible_table, suspect_units
 from femfit.identify.settings import conditions_of
@@ -130,7 +129,7 @@ def test_milliamperes_are_suspected_although_none_is_none_in_any_unit_and_ampere
     often = np.where(np.arange(len(table.rows)) % 3 == 0, 0.0, 1e3 * table.rows["current_A"])
     thousand = with_columns(table, current_A=often)
     assert told(suspect_units(levitation_model, thousand)) == [("suspected-unit", "current_A")]
-    found = diagnose(levitation_model, thousand)  # whose columns are 1e5 times the noise
+    found = ff.diagnose(levitation_model, thousand)  # whose columns are 1e5 times the noise
     assert str(found).startswith("Check first: current_A seems to be in mA")
     beyond = with_columns(table, current_A=3.0 * table.rows["current_A"] + 1.5)
     assert "current_A" not in {one.column for one in suspect_units(levitation_model, beyond)}
@@ -245,7 +244,7 @@ def bridge_file(model, path):
 
 
 def test_a_sweep_of_a_bridge_is_compared(levitation_model, tmp_path):
-    comparison = compare(levitation_model, bridge_file(levitation_model, tmp_path / "lcr.csv"))
+    comparison = ff.compare(levitation_model, bridge_file(levitation_model, tmp_path / "lcr.csv"))
     assert comparison.verdict == "agrees"
     noise = {one.channel: one.noise_floor for one in comparison.channels}
     assert set(noise) == set(BOTH)
@@ -265,5 +264,5 @@ def test_a_misfit_that_no_effect_changes_is_unexplained(levitation_model, tmp_pa
     rows = pd.read_csv(bridge_file(levitation_model, tmp_path / "lcr.csv"))
     rows["R [Ohm]"] *= 1.0 + 0.02 * rows["gap [mm]"] / 45.0
     rows.drop(columns="L [mH]").to_csv(tmp_path / "r.csv", index=False)
-    found = diagnose(levitation_model, tmp_path / "r.csv", exclude=("resistance", "coil_temperature"))
+    found = ff.diagnose(levitation_model, tmp_path / "r.csv", exclude=("resistance", "coil_temperature"))
     assert found.verdict == "unexplained"

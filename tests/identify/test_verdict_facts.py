@@ -7,19 +7,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.audit.audit_model import audit_model
 from femfit.core.errors import MissingPartError, TableError
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.fit.build import fit_model
 from femfit.identify.bench import bench_observations, placed
-from femfit.identify.compare import compare
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.plan import possible_experiments
 from femfit.identify.signatures import why_untestable
-from femfit.identify.suggest import suggest
 from femfit.model.bspline import DistanceCoordinate
 from femfit.model.carried import FieldTerm
 from femfit.model.drawn_effect import DrawnEffect
@@ -28,7 +25,6 @@ from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.measurement import CHANNELS
-from femfit.tables.sweep_table import SweepTable
 from support.campaign import campaign, hidden, without
 from support.closed_loop import recorded
 from support.levitation import REFERENCE_DISTANCE, fitted_spline
@@ -48,7 +44,7 @@ def magnet_pair(passed_m=0.0):
     d = np.geomspace(0.2e-3, 20e-3, 24)
     rows = pd.DataFrame({"current_A": 0.0, "distance_m": d - passed_m, "force_N": force(d), "status": "ok"})
     entry = {"name": "pair", "mass_kg": 0.02, "gravity_m_s2": 0.0, "kind": {**PAIR, "saturates": False}}
-    return fit_model(SweepTable(rows, {"actuator": entry}), law="coenergy").model
+    return ff.fit_model(ff.SweepTable(rows, {"actuator": entry}), law="coenergy").model
 
 
 def bench_csv(path, *, shift_m=0.0, passed_m=0.0):
@@ -95,7 +91,7 @@ def found_shift(model):
     """What is found in readings of a stage that stands 0.3 mm off."""
     noise = {"force_N": 2e-4, "flux_linkage_Wb": 1e-5}
     table = campaign(model, 1, [hidden("distance_offset", offset_m=3e-4)], noise=noise, mount_m=2e-6, rho=0.0)
-    return diagnose(model, table)
+    return ff.diagnose(model, table)
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(8, marks=pytest.mark.nightly)])
@@ -103,7 +99,7 @@ def test_of_equal_causes_the_one_with_fewer_parameters_stands_first_and_all_are_
     levitation_model, seed
 ):
     table = campaign(levitation_model, seed, [hidden("remanence", remanence_error=-0.04)], **FORCE)
-    found = diagnose(levitation_model, without(table, "coil_temperature_C", "magnet_temperature_C"))
+    found = ff.diagnose(levitation_model, without(table, "coil_temperature_C", "magnet_temperature_C"))
     (named,) = found.missing
     assert named.name == named.tie[0] == "remanence"  # magnet_demagnetisation has two amplitudes
     assert "magnet_demagnetisation" in named.tie
@@ -116,7 +112,7 @@ def test_a_size_that_is_unusual_ties_with_none_that_is_usual(solenoid):
     """A force sensor that reads 13 % too much is unusual; 6 % more turns or current, the same forces, are not."""
     gain = [hidden("force_gain", gain_error=0.13)]
     table = campaign(solenoid, 1, gain, noise={"force_N": 1e-3}, mount_m=2e-6, **SMALL)
-    (named,) = diagnose(solenoid, table).missing
+    (named,) = ff.diagnose(solenoid, table).missing
     assert named.plausible
     assert set(named.tie) == {"current_gain", "turns"}
     assert "force_gain" in named.members
@@ -125,7 +121,7 @@ def test_a_size_that_is_unusual_ties_with_none_that_is_usual(solenoid):
 def test_what_mounts_are_granted_makes_no_cause_of_one_that_leaves_the_readings_unexplained(levitation_model):
     """30 um from run to run are assumed: what these would make up for is no reason to name a usual size first."""
     scale = hidden("distance_scale", scale_error=0.1)
-    found = diagnose(levitation_model, campaign(levitation_model, 1, [scale], **FORCE))
+    found = ff.diagnose(levitation_model, campaign(levitation_model, 1, [scale], **FORCE))
     (named,) = found.missing
     left = {one.name: one.error_left for one in found.ranking}
     assert left["magnet_demagnetisation"] > 3.0
@@ -173,7 +169,7 @@ def carrying(spring):
 
 
 def test_a_spring_that_the_drawing_lacks_is_named_with_its_numbers(bare):
-    found = diagnose(bare, campaign(bare, 41, change=carrying(Spring(300.0, 0.5, 6e-3)), **SIZE))
+    found = ff.diagnose(bare, campaign(bare, 41, change=carrying(Spring(300.0, 0.5, 6e-3)), **SIZE))
     assert (found.verdict, [one.members for one in found.missing]) == ("named", [("spring",)])
     nominal, ci95 = nominal_of(bare), found.missing[0].ci95
     stiffness = np.array(ci95["stiffness"]) * nominal.stiffness_N_per_m
@@ -187,13 +183,13 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
     spring = Spring(300.0, 0.5, 6e-3)
     drawn = replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(spring,)))
     table = campaign(drawn, 43, change=carrying(spring), **SIZE)
-    found = diagnose(drawn, table)
+    found = ff.diagnose(drawn, table)
     assert (found.verdict, found.missing[0].name) == ("named", "spring_in_force")
     assert found.missing[0].parameters["share"] == pytest.approx(1.0, abs=0.05)
     assert "drawn-spring" in {one.code for one in found.findings}
     with_it = with_effects(drawn, [hidden("spring_in_force", share=1.0)])
     for model, sound in ((with_it, table), (drawn, campaign(drawn, 43, **SIZE))):
-        assert "drawn-spring" not in {one.code for one in compare(model, sound).findings}
+        assert "drawn-spring" not in {one.code for one in ff.compare(model, sound).findings}
     assert "drawing has a spring" in why_untestable(effect_by_name("spring"), bench_observations(drawn, table))
 
 
@@ -201,7 +197,7 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
 def test_a_late_position_sensor_is_named_with_its_delay(model, loops):
     samples = loops[loops["run"] == 1.0]
     shifted = np.interp(samples["time_s"] - 2e-3, samples["time_s"], samples["distance_m"])
-    found = diagnose(model, recorded(samples.assign(distance_m=shifted)))
+    found = ff.diagnose(model, recorded(samples.assign(distance_m=shifted)))
     assert (found.verdict, found.missing[0].name) == ("named", "position_delay")
     assert found.missing[0].parameters["delay_s"] == pytest.approx(2e-3, rel=0.1)
 
@@ -211,7 +207,7 @@ def test_a_flux_that_the_core_keeps_is_told_from_an_ammeters_zero_by_the_voltage
     table = campaign(
         steel, 44, [hidden("core_remanence", mmf=0.02)], **SIZE | {"noise": {"force_N": 0.02, "voltage_V": 0.02}}
     )
-    found = diagnose(steel, table)
+    found = ff.diagnose(steel, table)
     assert (found.verdict, [one.members for one in found.missing]) == ("named", [("core_remanence",)])
     bare = replace(steel, kind=replace(steel.kind, fixed_iron=False, moving_iron=False))
     assert "no iron" in why_untestable(effect_by_name("core_remanence"), bench_observations(bare, table))
@@ -238,10 +234,10 @@ def shifted_pair(tmp_path_factory):
 @pytest.mark.parametrize("passed_m", [0.0, 6e-3], ids=["before the face", "beyond it"])
 def test_a_gap_that_is_larger_is_named_though_a_table_has_no_currents(tmp_path, passed_m):
     device = magnet_pair(passed_m)
-    found = diagnose(device, bench_csv(tmp_path / "shifted.csv", shift_m=0.1e-3, passed_m=passed_m))
+    found = ff.diagnose(device, bench_csv(tmp_path / "shifted.csv", shift_m=0.1e-3, passed_m=passed_m))
     assert found.missing[0].name == "distance_offset"
     assert found.missing[0].parameters["offset_m"] == pytest.approx(0.1e-3, rel=0.2)
-    assert diagnose(device, bench_csv(tmp_path / "clean.csv", passed_m=passed_m)).verdict == "nothing_missing"
+    assert ff.diagnose(device, bench_csv(tmp_path / "clean.csv", passed_m=passed_m)).verdict == "nothing_missing"
 
 
 def test_only_effects_that_it_can_have_are_considered(pair, shifted_pair):
@@ -267,7 +263,7 @@ def test_a_circuit_asks_for_currents_and_is_asked_of_no_magnet_alone(pair, levit
 
 def test_no_flux_linkage_is_suggested_where_there_is_no_winding(pair, tmp_path):
     little = bench_csv(tmp_path / "little.csv", shift_m=0.03e-3)  # more than mounts usually differ by
-    assert len(suggest(pair, little).explanations) > 1
+    assert len(ff.suggest(pair, little).explanations) > 1
     observations = placed(pair, little)
     at = Conditions(observations.nominal)
     read = predict_readings(pair, np.array([5e-3]), np.array([0.0]), at, channels=CHANNELS)
@@ -289,5 +285,5 @@ def test_a_body_that_is_let_go_shows_its_mass_over_its_force(pair, tmp_path):
     rows = pd.concat(falls)
     rows["distance_m"] += np.random.default_rng(3).normal(0.0, 2e-6, len(rows))
     rows.to_csv(tmp_path / "falls.csv", index=False)
-    found = diagnose(pair, tmp_path / "falls.csv")
+    found = ff.diagnose(pair, tmp_path / "falls.csv")
     assert {"mass_error", "remanence"} <= set(found.missing[0].members)  # a motion alone shows their ratio

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from femfit.model.json_file import write_model
+import femfit as ff
 from femfit.trial.campaigns import diagnose_campaigns
 from femfit.trial.counts import Share, counts, judge, trial_lines
 
@@ -70,7 +70,7 @@ def test_any_certain_name_of_a_clean_campaign_is_wrong():
 
 def test_a_file_that_the_diagnosis_refuses_is_an_outcome(levitation_model, tmp_path, monkeypatch):
     monkeypatch.setattr("femfit.trial.campaigns.process_pool", ThreadPoolExecutor)  # a process starts in 3 s
-    write_model(levitation_model, tmp_path / "model.json")
+    ff.write_model(levitation_model, tmp_path / "model.json")
     place = tmp_path / "campaigns" / "0001"
     place.mkdir(parents=True)
     (place / "data.csv").write_text("current_A,distance_m,colour\n1.0,0.02,3\n")
