@@ -81,7 +81,7 @@ def found(place, bench):
     return ff.calibrate(place / "small.toml", bench, place / "runs", numbers=[HEIGHT, IRON], workers=1)
 
 
-def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
+def test_two_numbers_are_found_beside_an_effect_that_is_none_and_the_error_on_runs_left_out_falls(found):
     height, iron = found.numbers
     assert (height.key, height.unit, iron.key, iron.unit) == (HEIGHT, "mm", IRON, "")
     assert abs(height.value - TRUE_HEIGHT) < 3.0 * height.sd_as_drawn < 0.03  # nothing else is off
@@ -92,6 +92,11 @@ def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
     assert hall.effect.name == "hall_offset"
     assert low - 0.5 * (high - low) < OFFSET < high + 0.5 * (high - low)
     assert found.settled
+    assert found.lack_of_fit.p_value > 0.01
+    for one in found.unseen.channels:
+        assert one.after_over_noise < 1.25
+        assert one.rms_after < 1.25 * NOISE[one.channel]
+    assert found.unseen.channels[0].rms_before > 5.0 * NOISE["force_N"]
 
 
 @pytest.mark.nightly
@@ -116,14 +121,6 @@ def test_a_number_of_the_drawing_is_the_same_in_every_run(found, bench):
     assert {HEIGHT, IRON} <= drawn & set(campaign.variants)
     assert "remanence" in campaign.in_some_runs
     assert not drawn & set(campaign.in_some_runs)
-
-
-def test_the_error_on_runs_left_out_falls_to_the_noise(found):
-    for one in found.unseen.channels:
-        assert one.after_over_noise < 1.25
-        assert one.rms_after < 1.25 * NOISE[one.channel]
-    assert found.unseen.channels[0].rms_before > 5.0 * NOISE["force_N"]
-    assert found.lack_of_fit.p_value > 0.01
 
 
 def test_the_drawing_that_is_written_has_the_field_of_the_device(found, place, built):
