@@ -226,15 +226,11 @@ def test_the_advice_holds_over_the_whole_catalogue(levitation_model, solenoid, c
     assert len({(text, truth) for text, truth, _ in broken}) <= 0.05 * tried + 2.33 * np.sqrt(0.05 * tried), broken
 
 
-def test_a_plan_says_beforehand_what_it_could_never_separate(levitation_model):
+def test_a_plan_says_beforehand_what_it_could_never_separate_or_cannot_show_and_why(levitation_model):
     plan = campaign(levitation_model, 22, runs=1)
     alone = with_channels(plan, "force_N")
     assert examine_plan(levitation_model, alone, PAIR).together == (("force_scale", "pull_scale"),)
     assert examine_plan(levitation_model, plan, PAIR).together == ()
-
-
-def test_a_plan_says_what_it_cannot_show_and_why(levitation_model):
-    plan = campaign(levitation_model, 23, runs=1)
     report = examine_plan(levitation_model, without(plan, "hall_V"), [effect_by_name("hall_offset"), FORCE_SCALE])
     assert set(report.invisible) == {"hall_offset"}
     assert "hall_V" in report.invisible["hall_offset"]

@@ -140,14 +140,6 @@ def test_where_mounts_have_all_that_repeats_differ_by_the_declared_noise_stands(
     assert ff.compare(levitation_model, table).verdict == "agrees"
 
 
-def test_a_prior_counts_like_readings_of_its_variance():
-    y = np.random.default_rng(8).normal(0.0, 2.0, 30)
-    square = float(y @ y)
-    none = Contrasts(square, 30.0, np.zeros(0), np.zeros((0, 0)))
-    found, _ = variances(none, np.zeros(0, int), [9.0], [20.0])
-    assert found[0] == pytest.approx((square + 20.0 * 9.0) / 50.0, rel=1e-6)
-
-
 @pytest.mark.parametrize("size", [0.0, 3.0], ids=["none", "thirty times the readings'"])
 def test_what_readings_do_not_show_is_none_and_what_is_there_is_not_made_smaller(size):
     rng = np.random.default_rng(7)

@@ -76,12 +76,15 @@ def test_the_learnt_energy_is_the_true_one(learnt, levitation_model):
     assert true_force.max() > 0.01
 
 
-def test_clean_readings_teach_nothing(levitation_model):
+def test_clean_readings_and_records_teach_nothing(levitation_model, model, clean_record):
     result = ff.add_effects(levitation_model, campaign(levitation_model, 6), NAME)
     assert not result.parts
     assert not result.accepted
     assert result.model.effects == ()
     assert result.to_dict()["remainder"]["parts"] == []
+    result = ff.add_effects(model, clean_record, NAME)
+    assert not result.accepted
+    assert not result.parts or result.fall_unseen < 9.0
 
 
 def force_turned(readings, rows):
@@ -221,12 +224,6 @@ def test_a_force_that_comes_and_goes_is_learnt_from_a_record(learnt_from_record)
     assert fall.after_over_noise < 1.3
     squares = learnt_from_record.filter["mean_square"]
     assert 1.0 < squares["after"] < 0.5 * squares["before"]
-
-
-def test_clean_records_teach_nothing(model, clean_record):
-    result = ff.add_effects(model, clean_record, NAME)
-    assert not result.accepted
-    assert not result.parts or result.fall_unseen < 9.0
 
 
 @pytest.mark.nightly
