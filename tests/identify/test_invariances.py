@@ -25,14 +25,11 @@ def written(table, folder, name="bench"):
     return ff.read_measurement(file)
 
 
-def numbers(noise):
-    return np.concatenate([noise.sigma, noise.rho, noise.run, [noise.mount_m, noise.stop_m]])
-
-
 def told(model, data):
     """The noise and the comparison of a measurement; a diagnosis rests on what it compares."""
     comparison = ff.compare(model, data)
-    return numbers(estimate_noise(comparison.observations)), comparison
+    noise = estimate_noise(comparison.observations)
+    return np.concatenate([noise.sigma, noise.rho, noise.run, [noise.mount_m, noise.stop_m]]), comparison
 
 
 def assert_same(one, other, rtol=1e-6):

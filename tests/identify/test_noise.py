@@ -18,16 +18,12 @@ from femfit.identify.noise.whitening import Chain, Whitening, setting_errors
 from support.campaign import LARGE, NOISE, campaign, noise_of, ripple, rising, without
 
 
-def alone(n):
-    """A chain in which no reading follows another."""
-    return Chain(np.arange(n), np.full(n, np.inf))
-
-
 def design_of(y, fixed, random, cell=None, chain=None):
+    """Without a chain no reading follows another."""
     n = len(random)
     columns = np.linalg.qr(fixed)[0] if fixed.shape[1] else fixed
     cell = np.arange(n) if cell is None else cell
-    return ChannelDesign(cell, columns, random, chain or alone(n), np.zeros(n), y)
+    return ChannelDesign(cell, columns, random, chain or Chain(np.arange(n), np.full(n, np.inf)), np.zeros(n), y)
 
 
 def variances(contrasts, group, scale, weight=None, from_zero=False):

@@ -116,18 +116,12 @@ def test_a_hidden_effect_is_in_the_class_with_its_size_and_a_model_that_has_it_l
         assert result.where.channel == "force_balance_N"
 
 
-@pytest.fixture(scope="module")
-def sticking():
-    """A body that dry friction holds for some milliseconds wherever it turns, driven slowly up and down."""
-    springs, friction_N = (Spring(600.0, 0.0, 3e-3),), 0.03
-    drawn = solenoid(Mechanics(0.025, 0.0, springs=springs, viscous_N_s_per_m=0.5, coulomb_N=friction_N))
+def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size():
+    """Driven slowly up and down, it is held for some milliseconds wherever it turns."""
+    drawn = solenoid(Mechanics(0.025, 0.0, springs=(Spring(600.0, 0.0, 3e-3),), viscous_N_s_per_m=0.5, coulomb_N=0.03))
     time = 1e-3 * np.arange(1000)
     volts = 7.0 + 3.0 * (2.0 / np.pi) * np.arcsin(np.sin(4.0 * np.pi * time))
-    return drawn, logged([switched(time, volts, 1.0, model=drawn, start_m=2.8e-3)], noise=(5e-4, 2e-6))
-
-
-def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size(sticking):
-    drawn, record = sticking
+    record = logged([switched(time, volts, 1.0, model=drawn, start_m=2.8e-3)], noise=(5e-4, 2e-6))
     compared = ff.compare(drawn, record)
     assert compared.verdict == "agrees", str(compared)
     assert "stands" in {told.code for told in compared.findings}

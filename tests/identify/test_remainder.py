@@ -23,12 +23,6 @@ from support.closed_loop import closed_loop, recorded
 from support.one_current import flat
 
 
-def bent_load_cell(readings, rows):
-    """It reads 6 % too much at 0.3 N, in proportion to the square."""
-    force = readings["force_N"]
-    return {**readings, "force_N": force + 0.2 * force**2}
-
-
 def stray_energy(readings, rows):
     """dW' = 40 uJ/A i exp(-(d - 15 mm) / 4 mm), and nothing at the Hall element."""
     d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
@@ -44,7 +38,12 @@ def learnt_of(model, seed, cause, effects=NAME):
 @pytest.fixture(scope="module")
 def learnt(levitation_model):
     """Each cause learnt from three runs."""
-    causes = {"load cell": bent_load_cell, "energy": stray_energy}
+
+    def bent(readings, rows):
+        """It reads 6 % too much at 0.3 N, in proportion to the square."""
+        return readings | {"force_N": readings["force_N"] + 0.2 * readings["force_N"] ** 2}
+
+    causes = {"load cell": bent, "energy": stray_energy}
     return functools.cache(lambda name: learnt_of(levitation_model, 5, causes[name]))
 
 
@@ -87,13 +86,9 @@ def test_clean_readings_and_records_teach_nothing(levitation_model, model, clean
     assert not result.parts or result.fall_unseen < 9.0
 
 
-def force_turned(readings, rows):
-    """The force sensor counts a pull as negative."""
-    return {**readings, "force_N": -readings["force_N"]}
-
-
 def test_a_channel_whose_error_rises_on_runs_left_out_is_named_and_what_is_left_of_it_is_no_noise(levitation_model):
-    result = learnt_of(levitation_model, 5, force_turned)
+    # A force sensor that counts a pull as negative
+    result = learnt_of(levitation_model, 5, lambda readings, rows: readings | {"force_N": -readings["force_N"]})
     assert result.fall_unseen > 9.0  # over all channels the weighted error falls
     assert result.risen == ("flux_linkage_Wb",)
     assert result.objections == ("risen",)

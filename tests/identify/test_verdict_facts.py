@@ -30,8 +30,6 @@ from support.closed_loop import recorded
 from support.levitation import REFERENCE_DISTANCE, fitted_spline
 from support.solenoids import solenoid
 
-PAIR = {"fixed_magnet": True, "moving_magnet": True, "fixed_iron": False, "moving_iron": False, "coil": False}
-
 
 def force(distance):
     """Two disks of 10 mm that attract each other like charges on their faces, in N."""
@@ -43,7 +41,8 @@ def magnet_pair(passed_m=0.0):
     """Their model, with the face moved into the fixed one by a length."""
     d = np.geomspace(0.2e-3, 20e-3, 24)
     rows = pd.DataFrame({"current_A": 0.0, "distance_m": d - passed_m, "force_N": force(d), "status": "ok"})
-    entry = {"name": "pair", "mass_kg": 0.02, "gravity_m_s2": 0.0, "kind": {**PAIR, "saturates": False}}
+    kind = {"fixed_magnet": True, "moving_magnet": True, "fixed_iron": False, "moving_iron": False, "coil": False}
+    entry = {"name": "pair", "mass_kg": 0.02, "gravity_m_s2": 0.0, "kind": kind | {"saturates": False}}
     return ff.fit_model(ff.SweepTable(rows, {"actuator": entry}), law="coenergy").model
 
 
@@ -56,8 +55,6 @@ def bench_csv(path, *, shift_m=0.0, passed_m=0.0):
     return path
 
 
-COORDINATE = DistanceCoordinate(REFERENCE_DISTANCE)
-CURRENTS = np.linspace(0.0, 1.4, 8)
 SMALL = {"runs": 2, "distances": 8, "currents": 5, "rho": 0.0}
 FORCE = {"noise": {"force_N": 4e-4}, "mount_m": 0.0, **SMALL}
 
@@ -69,7 +66,8 @@ def with_numbers(solenoid, **shares):
         def change(d, i):
             return share(d) * 1e-3 * -0.5 * 5.0 * np.exp(-d / 0.01) * i**2
 
-        term = FieldTerm("change_mm", coenergy=CoenergySpline(COORDINATE, fitted_spline(change, CURRENTS, 2)))
+        spline = fitted_spline(change, np.linspace(0.0, 1.4, 8), 2)
+        term = FieldTerm("change_mm", coenergy=CoenergySpline(DistanceCoordinate(REFERENCE_DISTANCE), spline))
         return DrawnEffect(f"fixed.regions.yoke.{place}", place, "mm", 5.0, 0.1, (term,))
 
     return replace(solenoid, drawn=tuple(number(place, share) for place, share in shares.items()))
@@ -77,14 +75,6 @@ def with_numbers(solenoid, **shares):
 
 def near(d):
     return 1.0 / (1.0 + np.exp((d - 0.022) / 0.004))
-
-
-def far(d):
-    return 1.0 - near(d)
-
-
-def whole(d):
-    return np.ones_like(d)
 
 
 def found_shift(model):
@@ -128,11 +118,11 @@ def test_what_mounts_are_granted_makes_no_cause_of_one_that_leaves_the_readings_
     assert all(left[name] < 1.5 for name in named.tie)
 
 
-FACE, CORNERS = "polygon_mm[3..4][1]", {"polygon_mm[3][1]": near, "polygon_mm[4][1]": far}
+FACE, CORNERS = "polygon_mm[3..4][1]", {"polygon_mm[3][1]": near, "polygon_mm[4][1]": lambda d: 1.0 - near(d)}
 
 
 def test_a_face_that_moves_like_the_stage_leaves_nothing_certain(solenoid):
-    found = found_shift(with_numbers(solenoid, **{FACE: whole}, **CORNERS))
+    found = found_shift(with_numbers(solenoid, **{FACE: np.ones_like}, **CORNERS))
     assert {"distance_offset", f"fixed.regions.yoke.{FACE}"} <= set(found.missing[0].members)
     assert not found.confident
     assert found.dimensions_suspected
