@@ -10,31 +10,30 @@ from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import EffectPoint
-from femfit.identify.add_effects import _unidentified, add_effects
+from femfit.identify.add_effects import _unidentified
 from femfit.identify.bench import bench_observations
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.refit import refit, starting_point
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.report.motion_figures import write_before_after
-from support.campaign import LARGE, NOISE, campaign, hidden, without
+from support.campaign import LARGE, NOISE, OF_POT, campaign, hidden, rising, without
 from support.closed_loop import closed_loop, recorded
 from support.solenoids import solenoid
 from support.switching import logged, switched
 
 SATURATION = hidden("core_saturation", mmf_loss_3=0.02)
 HALL = hidden("hall_offset", offset_V=0.02)
-OF_POT = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
 
 
 @pytest.fixture(scope="module")
 def both(levitation_model):
     """Saturation and a Hall offset, added in this order to four runs that show both."""
     table = campaign(levitation_model, 41, [SATURATION, HALL], runs=4)
-    return table, add_effects(levitation_model, table, ["core_saturation", "hall_offset"])
+    return table, ff.add_effects(levitation_model, table, ["core_saturation", "hall_offset"])
 
 
-def test_the_error_falls_to_the_noise_floor_on_runs_left_out(both):
+def test_the_error_falls_to_the_noise_floor_on_runs_left_out_and_intervals_hold_the_truth(both):
     _, result = both
     for channel, sigma in NOISE.items():
         # 560 readings a channel with correlation 0.3 know their rms to 4 %, the floor to as much
@@ -47,10 +46,6 @@ def test_the_error_falls_to_the_noise_floor_on_runs_left_out(both):
     assert fall["hall_V"].after_over_noise < 1.15
     assert result.lack_of_fit_before.p_value < 1e-6
     assert result.lack_of_fit_after.p_value > 0.01
-
-
-def test_intervals_hold_the_truth(both):
-    _, result = both
     offset = next(added for added in result.added if added.effect is HALL.effect)
     low, high = offset.ci95["offset_V"]
     # Three times the half width: 99.99997 %
@@ -61,7 +56,7 @@ def test_intervals_hold_the_truth(both):
 def test_adding_an_effect_again_refits_it(both, levitation_model):
     table, first = both
     wrong = with_effects(levitation_model, [SATURATION, hidden("hall_offset", offset_V=-0.05)])
-    again = add_effects(wrong, table, ["hall_offset"])
+    again = ff.add_effects(wrong, table, ["hall_offset"])
     assert [added.effect.name for added in again.model.effects] == ["core_saturation", "hall_offset"]
     assert again.added[1].parameters["offset_V"] == pytest.approx(first.added[1].parameters["offset_V"], rel=0.01)
     (fall,) = [one for one in again.fall.channels if one.channel == "hall_V"]
@@ -69,9 +64,8 @@ def test_adding_an_effect_again_refits_it(both, levitation_model):
 
 
 def test_an_effect_of_the_model_that_the_data_cannot_show_stays_as_it_is(levitation_model):
-    table = campaign(levitation_model, 42, [HALL, SATURATION], runs=3)
-    table = without(table, "hall_V", "force_N", "voltage_V")
-    result = add_effects(with_effects(levitation_model, [HALL]), table, ["core_saturation"])
+    table = without(campaign(levitation_model, 42, [HALL, SATURATION]), "hall_V", "force_N", "voltage_V")
+    result = ff.add_effects(with_effects(levitation_model, [HALL]), table, ["core_saturation"])
     assert result.kept == ("hall_offset",)
     assert {a.effect.name: dict(a.parameters) for a in result.model.effects}["hall_offset"] == {"offset_V": 0.02}
 
@@ -79,30 +73,28 @@ def test_an_effect_of_the_model_that_the_data_cannot_show_stays_as_it_is(levitat
 def test_the_model_runs_at_the_recorded_temperatures_unless_told_otherwise(both, levitation_model):
     table, result = both
     assert result.model.coil_temperature_C == pytest.approx(table.rows["coil_temperature_C"].mean(), abs=0.1)
-    warm = add_effects(levitation_model, table, ["hall_offset"], coil_temperature_C=60.0)
+    warm = ff.add_effects(levitation_model, table, ["hall_offset"], coil_temperature_C=60.0)
     assert warm.model.coil_temperature_C == 60.0
 
 
 def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
     table = campaign(levitation_model, 47)
-    no_hall = replace(table, given=tuple(name for name in table.given if name != "hall_V"))
-    with pytest.raises(TableError, match="hall_V"):
-        add_effects(levitation_model, no_hall, ["hall_offset"])
-    with pytest.raises(UsageError, match=r"^Effect must be one of .*gremlins"):
-        add_effects(levitation_model, table, ["gremlins"])
-    with pytest.raises(UsageError, match=r"^Did you mean remanence\? Effect must be one of"):
-        add_effects(levitation_model, table, ["remanense"])
-    once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
-    scattered = once.iloc[:: len(once) // 12].reset_index(drop=True)  # no neighbours on a line to guess the noise from
-    with pytest.raises(TableError, match="twice"):
-        add_effects(levitation_model, replace(table, rows=scattered), ["hall_offset"])
+    once = replace(table, rows=table.rows[table.rows["run"] == 1])
+    for data, effect, error, words in (
+        (without(table, "hall_V"), "hall_offset", TableError, "hall_V"),
+        (table, "gremlins", UsageError, r"^Effect must be one of .*gremlins"),
+        (table, "remanense", UsageError, r"^Did you mean remanence\? Effect must be one of"),
+        (rising(once, every=3), "hall_offset", TableError, "twice"),  # no neighbours on a line to guess the noise from
+    ):
+        with pytest.raises(error, match=words):
+            ff.add_effects(levitation_model, data, [effect])
 
 
 def test_a_constant_that_nothing_depends_on_is_not_suspicious(strong_pot):
     table = campaign(strong_pot, 45, [hidden("core_saturation", mmf_loss_6=0.1)], noise=OF_POT, runs=4)
     law = strong_pot.magnetics  # and one on which the fit of a sweep, to rounding, depends
     swept = replace(law, coefficients=(*law.coefficients, replace(law.coefficients[0], current_power=1, value=1e-18)))
-    result = add_effects(replace(strong_pot, magnetics=swept), table, ["core_saturation"])
+    result = ff.add_effects(replace(strong_pot, magnetics=swept), table, ["core_saturation"])
     assert not [sentence for sentence in result.suspicious if "magnet" in sentence]
 
 
@@ -119,24 +111,14 @@ def test_an_amplitude_that_the_data_do_not_identify_is_left_out_with_its_constan
     assert (again.parameters["warming_K"], again.parameters["warming_time"]) == (0.0, 100.0)
 
 
-def warming(levitation_model, seed, final_K, time, runs=3):
+def warming(levitation_model, seed, final_K, time):
     """A campaign whose coil warms without a thermometer; ``time`` is counted in readings."""
 
     def change(readings, rows):
         hot = final_K * -np.expm1(-(1.0 + rows["order"].to_numpy()) / time)
         return readings | {"voltage_V": (1.0 + 3.93e-3 * hot) * readings["voltage_V"]}
 
-    return without(campaign(levitation_model, seed, change=change, runs=runs, **LARGE), "coil_temperature_C")
-
-
-def running_resistance(model):
-    """Resistance of the winding as plant and filters have it, over that of the model without effects."""
-    at = replace(Conditions(nominal_of(model)), running=True)
-    one = np.ones(1)
-    for added in model.effects:
-        if added.effect.circuit is not None:
-            return float(added.effect.circuit(one, 0.0 * one, EffectPoint(one, one, at, added.parameters))[0][0])
-    return 1.0
+    return without(campaign(levitation_model, seed, change=change, **LARGE), "coil_temperature_C")
 
 
 @pytest.mark.parametrize(
@@ -145,9 +127,12 @@ def running_resistance(model):
 )
 def test_a_warming_is_written_to_its_end_or_as_far_as_it_was_seen(levitation_model, final_K, time, shown, settled):
     """A twelfth of a time constant of a warming by 100 K: the readings show 8 K, and no end."""
-    result = add_effects(levitation_model, warming(levitation_model, 49, final_K, time), ["coil_temperature"])
+    result = ff.add_effects(levitation_model, warming(levitation_model, 49, final_K, time), ["coil_temperature"])
     assert ("not-settled" not in {one.code for one in result.findings}) is settled
-    assert running_resistance(result.model) == pytest.approx(1.0 + 3.93e-3 * shown, abs=0.01)
+    # The winding's resistance as plant and filters have it, over that without effects
+    at, one, added = replace(Conditions(nominal_of(result.model)), running=True), np.ones(1), result.added[0]
+    resistance, _ = added.effect.circuit(one, 0.0 * one, EffectPoint(one, one, at, added.parameters))
+    assert resistance == pytest.approx(1.0 + 3.93e-3 * shown, abs=0.01)
     (fall,) = [one for one in result.fall.channels if one.channel == "voltage_V"]
     assert fall.after_over_noise < 2.0  # a warming that only begins is nearly a straight line
 
@@ -155,7 +140,7 @@ def test_a_warming_is_written_to_its_end_or_as_far_as_it_was_seen(levitation_mod
 @pytest.mark.parametrize("offset_V", [0.0, 0.8], ids=["absent", "implausible"])
 def test_an_effect_that_is_absent_or_too_large_is_called_suspicious(levitation_model, offset_V):
     table = campaign(levitation_model, 45, [hidden("hall_offset", offset_V=offset_V)])
-    result = add_effects(levitation_model, table, ["hall_offset"])
+    result = ff.add_effects(levitation_model, table, ["hall_offset"])
     low, high = result.added[0].ci95["offset_V"]
     assert (low < 0.0 < high) is (offset_V == 0.0)
     assert any("hall_offset" in sentence for sentence in result.suspicious)
@@ -185,6 +170,5 @@ def test_the_picture_before_and_after_is_of_filters_that_do_not_read_the_distanc
     record = logged([switched([0.0, 0.01], [6.0, 9.0], 0.08, model=warm)])
     write_before_after((device, warm), record, tmp_path / "replay.png")
     assert (tmp_path / "replay.png").stat().st_size > 10_000
-    silent = replace(record, given=tuple(name for name in record.given if name != "distance_m"))
     with pytest.raises(TableError, match="distance"):
-        write_before_after((device, warm), silent, tmp_path / "replay.png")
+        write_before_after((device, warm), without(record, "distance_m"), tmp_path / "replay.png")

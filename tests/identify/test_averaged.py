@@ -10,7 +10,7 @@ from femfit.core.errors import TableError
 from femfit.identify.bench import placed
 from femfit.identify.constants import MOST_ROWS
 from femfit.identify.settings import AVERAGED_TO, noise_of_means, stretches
-from femfit.tables.measurement_file import read_measurement
+from femfit.tables.measurement import BenchTable
 from support.campaign import NOISE, settings
 from support.campaign import campaign as few
 
@@ -29,15 +29,15 @@ def correlated(generator, count, rho):
 def logged(model, folder, seed=3, shuffled=False, rho=0.8):
     """A logger that reads every setting of a campaign thirty times, its noise correlated."""
     generator = np.random.default_rng(seed)
-    quiet = few(model, seed, mount_m=10e-6, noise=dict.fromkeys(("force_N", "hall_V"), 0.0), runs=3)
-    rows = quiet.rows[["run", "distance_m", "current_A", "branch", "force_N", "hall_V"]]
+    rows = few(model, seed, mount_m=10e-6, noise={"force_N": 0.0, "hall_V": 0.0}).rows
+    rows = rows[["run", "distance_m", "current_A", "branch", "force_N", "hall_V"]]
     rows = rows.loc[rows.index.repeat(TIMES)].reset_index(drop=True)
     for name in ("force_N", "hall_V"):
         rows[name] += 3.0 * NOISE[name] * correlated(generator, len(rows), rho)
     rows = rows.sample(frac=1.0, random_state=1) if shuffled else rows.assign(order=np.arange(len(rows)))
     file = folder / "log.csv"
     rows.to_csv(file, index=False)
-    return read_measurement(file)
+    return ff.read_measurement(file)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])
@@ -55,8 +55,7 @@ def test_the_noise_of_a_mean_is_what_means_scatter_by_whatever_the_correlation(r
 def test_a_stretch_ends_where_a_setting_moves_the_run_or_the_branch_changes_or_it_is_long(levitation_model):
     rows = settings(levitation_model, runs=2, distances=3, currents=4)
     rows = rows.loc[rows.index.repeat(300)].reset_index(drop=True)
-    table = few(levitation_model, 1, runs=1, distances=2, currents=2)
-    table = type(table)(rows=rows, given=tuple(rows.columns))
+    table = BenchTable(rows=rows, given=tuple(rows.columns))
     number = stretches(table, ("current_A",))
     of_each = rows.groupby(number)[["run", "distance_m", "current_A", "branch"]].nunique()
     assert (of_each == 1).all(axis=None)

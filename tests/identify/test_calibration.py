@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -16,11 +17,10 @@ from femfit.core.errors import ActuatorFileError, TableError, UsageError
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import effect_by_name
-from femfit.field.sweep import run_sweep
 from femfit.identify.add_effects import whitening_beside
 from femfit.identify.bench import placed
 from femfit.identify.calibration import calibrate as calibration
-from femfit.identify.calibration.calibrate import _diagnosed, _moved, calibrate
+from femfit.identify.calibration.calibrate import _diagnosed, _moved
 from femfit.identify.calibration.fit import Redrawn, estimate
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, remarks, verdict
@@ -41,16 +41,20 @@ TRUE = BASE.replace("z_mm = [0, 4]", f"z_mm = [0, {TRUE_HEIGHT}]").replace("= 50
 NOISE = {"force_N": 5e-5, "flux_linkage_Wb": 1e-7, "hall_V": 2e-4}
 
 
-def readings(rows, seed=1, runs=3, offset=OFFSET, channels=tuple(NOISE)):
+def readings(rows, seed=1, runs=3, offset=OFFSET, noise=NOISE):
     """What a bench reads of a swept field, its Hall element off by a constant."""
-    rng, tables = np.random.default_rng(seed), []
-    true = {**{name: rows[name] for name in channels if name in rows}, "hall_V": 2.5 + offset + 10.0 * rows["hall_T"]}
+    rng, settings = np.random.default_rng(seed), rows[["distance_m", "current_A"]]
+    true = rows.assign(hall_V=2.5 + offset + 10.0 * rows["hall_T"]) if "hall_V" in noise else rows
+    tables = []
     for run in range(1, runs + 1):
-        read = {name: true[name] + NOISE[name] * rng.standard_normal(len(rows)) for name in channels}
-        tables.append(
-            pd.DataFrame({"run": run, "distance_m": rows["distance_m"], "current_A": rows["current_A"], **read})
-        )
+        read = {name: true[name] + sd * rng.standard_normal(len(rows)) for name, sd in noise.items()}
+        tables.append(settings.assign(run=run, **read))
     return pd.concat(tables)
+
+
+def field_of(text, directory, distances=DISTANCES):
+    """Rows of the sweep of a drawing."""
+    return ff.run_sweep(actuator_from_toml(text.replace(DISTANCES, distances)), directory, workers=1).rows
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +67,7 @@ def place(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def built(place):
-    return run_sweep(actuator_from_toml(TRUE), place / "built", workers=1).rows
+    return field_of(TRUE, place / "built")
 
 
 @pytest.fixture(scope="module")
@@ -74,10 +78,10 @@ def bench(place, built):
 
 @pytest.fixture(scope="module")
 def found(place, bench):
-    return calibrate(place / "small.toml", bench, place / "runs", numbers=[HEIGHT, IRON], workers=1)
+    return ff.calibrate(place / "small.toml", bench, place / "runs", numbers=[HEIGHT, IRON], workers=1)
 
 
-def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
+def test_two_numbers_are_found_beside_an_effect_that_is_none_and_the_error_on_runs_left_out_falls(found):
     height, iron = found.numbers
     assert (height.key, height.unit, iron.key, iron.unit) == (HEIGHT, "mm", IRON, "")
     assert abs(height.value - TRUE_HEIGHT) < 3.0 * height.sd_as_drawn < 0.03  # nothing else is off
@@ -88,6 +92,11 @@ def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
     assert hall.effect.name == "hall_offset"
     assert low - 0.5 * (high - low) < OFFSET < high + 0.5 * (high - low)
     assert found.settled
+    assert found.lack_of_fit.p_value > 0.01
+    for one in found.unseen.channels:
+        assert one.after_over_noise < 1.25
+        assert one.rms_after < 1.25 * NOISE[one.channel]
+    assert found.unseen.channels[0].rms_before > 5.0 * NOISE["force_N"]
 
 
 @pytest.mark.nightly
@@ -97,7 +106,7 @@ def test_a_number_that_is_twenty_tolerances_off_is_found_and_called_unusual(plac
     (place / "tight.toml").write_text(text)
     readings(built, offset=0.0).to_csv(place / "tight.csv", index=False)
     options = {"numbers": HEIGHT, "effects": [], "workers": 1}
-    result = calibrate(place / "tight.toml", place / "tight.csv", place / "tight", **options)
+    result = ff.calibrate(place / "tight.toml", place / "tight.csv", place / "tight", **options)
     (height,) = result.numbers
     assert result.settled
     assert abs(height.value - TRUE_HEIGHT) < 4.0 * height.sd_as_drawn < 0.002  # of 0.07 mm
@@ -114,24 +123,12 @@ def test_a_number_of_the_drawing_is_the_same_in_every_run(found, bench):
     assert not drawn & set(campaign.in_some_runs)
 
 
-def test_the_error_on_runs_left_out_falls_to_the_noise(found):
-    for one in found.unseen.channels:
-        assert one.after_over_noise < 1.25
-        assert one.rms_after < 1.25 * NOISE[one.channel]
-    assert found.unseen.channels[0].rms_before > 5.0 * NOISE["force_N"]
-    assert found.lack_of_fit.p_value > 0.01
-
-
 def test_the_drawing_that_is_written_has_the_field_of_the_device(found, place, built):
     """Solved afresh from the written text, with other meshes and between the swept distances: no slope is in it."""
-    text, true = (one.replace(DISTANCES, "[4.5, 6.2, 9.7]") for one in (found.drawing, TRUE))
-    rows, wanted = (
-        run_sweep(actuator_from_toml(one), place / name, workers=1).rows
-        for one, name in ((text, "new"), (true, "true"))
-    )
-    drawn = run_sweep(actuator_from_toml(DRAWN.replace(DISTANCES, "[4.5, 6.2, 9.7]")), place / "old", workers=1).rows
+    texts = {"new": found.drawing, "old": DRAWN, "true": TRUE}
+    new, old, true = (field_of(text, place / name, "[4.5, 6.2, 9.7]") for name, text in texts.items())
     for name in ("force_N", "flux_linkage_Wb"):
-        left, before = (np.sqrt(np.mean((one[name] - wanted[name]) ** 2)) for one in (rows, drawn))
+        left, before = (np.sqrt(np.mean((one[name] - true[name]) ** 2)) for one in (new, old))
         assert left < 0.5 * NOISE[name]
         assert left < 0.05 * before
 
@@ -205,9 +202,8 @@ def test_turns_that_are_not_whole_are_said():
 def test_the_diagnosis_names_the_number_where_none_is_asked_for(place, built):
     """A lower magnet alone; it is written, and only then is nothing missing."""
     lower = BASE.replace("z_mm = [0, 4]", "z_mm = [0, 3.94]")
-    rows = run_sweep(actuator_from_toml(lower), place / "lower", workers=1).rows
-    readings(rows, offset=0.0).to_csv(place / "lower.csv", index=False)
-    result = calibrate(place / "small.toml", place / "lower.csv", place / "runs", workers=1)
+    readings(field_of(lower, place / "lower"), offset=0.0).to_csv(place / "lower.csv", index=False)
+    result = ff.calibrate(place / "small.toml", place / "lower.csv", place / "runs", workers=1)
     by_key = {one.key: one for one in result.numbers}
     assert abs(by_key[HEIGHT].value - 3.94) < 3.0 * by_key[HEIGHT].sd
     assert result.lack_of_fit.p_value > 0.01
@@ -216,24 +212,27 @@ def test_the_diagnosis_names_the_number_where_none_is_asked_for(place, built):
 @pytest.mark.nightly
 def test_a_pair_that_readings_cannot_separate_is_said(place):
     """The force alone, without current: a stronger magnet material is one of another recoil permeability."""
-    rows = run_sweep(actuator_from_toml(BASE), place / "clean", workers=1).rows
-    readings(rows[rows["current_A"] == 0.0], channels=("force_N",)).to_csv(place / "still.csv", index=False)
+    rows = field_of(BASE, place / "clean")
+    force = {"force_N": NOISE["force_N"]}
+    readings(rows[rows["current_A"] == 0.0], noise=force).to_csv(place / "still.csv", index=False)
     pair = ["materials.hard.remanence_T", "materials.hard.relative_permeability"]
-    result = calibrate(place / "small.toml", place / "still.csv", place / "runs", numbers=pair, effects=(), workers=1)
+    result = ff.calibrate(
+        place / "small.toml", place / "still.csv", place / "runs", numbers=pair, effects=(), workers=1
+    )
     (combination,) = result.undetermined
     assert set(combination.change) == set(pair)
     assert 0.5 < combination.left <= 1.0
 
 
 def test_errors_say_what_to_do_before_anything_is_solved(place, bench, tmp_path):
-    with pytest.raises(UsageError, match=re.escape(HEIGHT[:14])):
-        calibrate(place / "small.toml", bench, tmp_path / "runs", numbers="moving.magnet.height_mm")
-    with pytest.raises(UsageError, match="number"):
-        calibrate(place / "small.toml", bench, tmp_path / "runs", numbers=())
-    with pytest.raises(ActuatorFileError, match=r"sweep\.parameters"):
-        calibrate(GEOMETRY / "emaws-variants.toml", bench, tmp_path / "runs")
-    with pytest.raises(TableError, match="measurement"):
-        calibrate(place / "small.toml", [], tmp_path / "runs", numbers=HEIGHT)
+    for drawing, data, numbers, error, words in (
+        ("small.toml", bench, "moving.magnet.height_mm", UsageError, re.escape(HEIGHT[:14])),
+        ("small.toml", bench, (), UsageError, "number"),
+        (GEOMETRY / "emaws-variants.toml", bench, None, ActuatorFileError, r"sweep\.parameters"),
+        ("small.toml", [], HEIGHT, TableError, "measurement"),
+    ):
+        with pytest.raises(error, match=words):
+            ff.calibrate(place / drawing, data, tmp_path / "runs", numbers=numbers)
     assert not (tmp_path / "runs").exists()
 
 
@@ -296,11 +295,6 @@ def decision(*classes, **runs):
     return SimpleNamespace(classes=classes, fit=SimpleNamespace(effects=effects))
 
 
-def diagnosed(named):
-    """A diagnosis with this decision."""
-    return SimpleNamespace(**vars(named), observations=SimpleNamespace(nominal=SimpleNamespace(drawn=())))
-
-
 REMANENCE, MAGNET = "materials.hard.remanence_T", "magnet_temperature"
 
 
@@ -338,23 +332,23 @@ def test_whoever_asks_for_a_number_decides_its_class():
 
 def test_nothing_is_calibrated_where_no_number_is_named(monkeypatch):
     monkeypatch.setattr(calibration, "said_of", lambda *_: "The verdict.")
-    with pytest.raises(TableError, match="The verdict"):
-        _diagnosed(diagnosed(decision()), KNOWN)
-    with pytest.raises(TableError, match="hall_offset"):
-        _diagnosed(diagnosed(decision(("hall_offset",))), KNOWN)
+    observations = SimpleNamespace(nominal=SimpleNamespace(drawn=()))
     changing = decision((HEIGHT,), **{HEIGHT: (1, 2)})
-    with pytest.raises(TableError, match="run 2 to run 3"):
-        _diagnosed(diagnosed(changing), KNOWN)
+    for named, words in (
+        (decision(), "The verdict"),
+        (decision(("hall_offset",)), "hall_offset"),
+        (changing, "run 2 to run 3"),
+    ):
+        with pytest.raises(TableError, match=words):
+            _diagnosed(SimpleNamespace(**vars(named), observations=observations), KNOWN)
 
 
 def test_a_number_is_called_by_its_key_path_a_unique_end_of_it_or_as_a_diagnosis_does():
     for key in ("materials.hard.remanence_T", "hard.remanence_T", "remanence_T", "remanence"):
         assert number(key).key == "materials.hard.remanence_T"
     assert number("magnet.z_mm[1]").key == HEIGHT
-    assert [one.key for one in DRAWING.wanted(["turns", "resistance"])] == [
-        "coils.coil.turns",
-        "coils.coil.resistance_ohm",
-    ]
+    both = DRAWING.wanted(["turns", "resistance"])
+    assert [one.key for one in both] == ["coils.coil.turns", "coils.coil.resistance_ohm"]
     assert DRAWING.wanted("all") == KNOWN
     for one in KNOWN:
         assert {number(key) for key in (one.key, one.name, *one.also)} == {one}
@@ -380,7 +374,6 @@ def test_a_key_that_cannot_be_calibrated_is_refused_with_the_reason(key, words):
 POLE = "fixed.regions.frame.polygon_mm[8..10][1]"
 CONE_END = "fixed.regions.frame.polygon_mm[10][1]"
 DEEPER = -0.15
-NOISE_N, NOISE_WB = 0.02, 2e-4
 
 
 @pytest.fixture(scope="module")
@@ -391,21 +384,11 @@ def conical(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def turned(conical):
-    """The sweep of the device as it was built."""
-    text = at_distances(moved(DEEPER), "[0.5, 0.7, 1, 1.5, 2.2]")
-    return run_sweep(actuator_from_toml(text), conical / "built", workers=1).rows
-
-
-@pytest.fixture(scope="module")
-def turned_bench(conical, turned):
-    rng, rows = np.random.default_rng(4), turned[["distance_m", "current_A"]]
-    noises = {"force_N": NOISE_N, "flux_linkage_Wb": NOISE_WB}
-    for run in (1, 2):
-        read = {name: turned[name] + sd * rng.standard_normal(len(turned)) for name, sd in noises.items()}
-        rows.assign(run=run, **read).to_csv(
-            conical / "bench.csv", mode="w" if run == 1 else "a", header=run == 1, index=False
-        )
+def turned_bench(conical):
+    """Readings of the device as it was built."""
+    rows = field_of(at_distances(moved(DEEPER), "[0.5, 0.7, 1, 1.5, 2.2]"), conical / "built")
+    noise = {"force_N": 0.02, "flux_linkage_Wb": 2e-4}
+    readings(rows, seed=4, runs=2, noise=noise).to_csv(conical / "bench.csv", index=False)
     return conical / "bench.csv"
 
 
@@ -449,11 +432,8 @@ def test_a_face_is_calibrated_by_its_name_and_written_with_all_its_corners(model
 @pytest.mark.nightly
 def test_signatures_that_know_no_faces_are_still_read(model, conical, tmp_path):
     """As sweeps of before have them: by key paths alone."""
-    source, older = conical / "runs" / "drawn", tmp_path / "older"
-    older.mkdir()
-    for file in source.iterdir():
-        (older / file.name).write_bytes(file.read_bytes())
-    data = json.loads((source / "signatures.json").read_text(encoding="utf-8"))
+    older = shutil.copytree(conical / "runs" / "drawn", tmp_path / "older")
+    data = json.loads((older / "signatures.json").read_text(encoding="utf-8"))
     fields = ("key", "also", "kind", "value", "unit", "tolerance", "effect")
     data["numbers"] = [{key: one[key] for key in fields} for one in data["numbers"] if ".." not in one["key"]]
     (older / "signatures.json").write_text(json.dumps(data), encoding="utf-8")

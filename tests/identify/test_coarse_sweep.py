@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.fit.build import fit_model
-from femfit.identify.compare import compare
-from femfit.identify.decision.diagnose import diagnose
-from femfit.tables.measurement_file import read_measurement
+import femfit as ff
 from support.closed_forms import FEW, NARROW, VALVE
 from support.sweeps import force_table
 
@@ -21,21 +18,21 @@ def bench_of(path, turns):
     for run in (1, 2):
         noisy = {name: x + 2e-3 * np.ptp(x) * rng.normal(size=len(x)) for name, x in read.items()}
         table.assign(run=run, **noisy).to_csv(path, mode="a", header=run == 1, index=False)
-    return read_measurement(path)
+    return ff.read_measurement(path)
 
 
 @pytest.fixture(scope="module")
 def coarse():
-    return fit_model(VALVE.table(FEW, NARROW)).model
+    return ff.fit_model(VALVE.table(FEW, NARROW)).model
 
 
 @pytest.mark.parametrize("turns", [1.0, 0.9])
 def test_a_coarse_sweep_is_named_with_what_to_add_in_place_of_an_effect_that_is_none(coarse, tmp_path, turns):
     data = bench_of(tmp_path / "bench.csv", turns)
-    diagnosis = diagnose(coarse, data)
+    diagnosis = ff.diagnose(coarse, data)
     if turns == 1.0:
         assert (diagnosis.verdict, diagnosis.missing) == ("nothing_missing", ())
     else:
         assert diagnosis.verdict != "nothing_missing"
-    for text in (str(diagnosis), str(compare(coarse, data))):
+    for text in (str(diagnosis), str(ff.compare(coarse, data))):
         assert "Add to [sweep] the distances" in text

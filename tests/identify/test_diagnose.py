@@ -6,92 +6,90 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from femfit.core.errors import FemfitError, TableError, UsageError
-from femfit.effects.catalogue import all_effects, effect_by_name
-from femfit.effects.effect import AddedEffect
-from femfit.identify.add_effects import add_effects
+import femfit as ff
+from femfit.core.errors import TableError, UsageError
+from femfit.effects.catalogue import all_effects
 from femfit.identify.bench import bench_observations
-from femfit.identify.compare import compare
 from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Block, detectable_magnitudes, gather
-from femfit.identify.decision.diagnose import diagnose, said_of
+from femfit.identify.decision.diagnose import said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.misfit import ChannelFall, ErrorFall
-from femfit.identify.noise.components import estimate_noise
-from femfit.identify.suggest import suggest
 from femfit.model.validity import Misfit
-from support.campaign import LARGE, NOISE, campaign, hidden, ripple, rising, without
+from support.campaign import LARGE, NOISE, OF_POT, campaign, hidden, noise_of, ripple, rising, without
 
 SATURATION, HALL = hidden("core_saturation", mmf_loss_3=0.02), hidden("hall_offset", offset_V=0.02)
+CLEAN = {"mount_m": 0.0, "rho": 0.0}
 
 
-def decided(model, table):
-    return decide(gather(bench_observations(model, table), list(all_effects().values())))
+def codes(result):
+    return [finding.code for finding in result.findings]
+
+
+def gathered(model, table):
+    return gather(bench_observations(model, table), list(all_effects().values()))
 
 
 # The gate opens on 1 % of clean campaigns: two openings are less likely than 0.04 % among three, and 0.3 % among eight
 @pytest.mark.parametrize("campaigns", [3, pytest.param(8, marks=pytest.mark.nightly)])
 def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_model, campaigns):
-    verdicts = [
-        decided(levitation_model, campaign(levitation_model, seed, rho=0.6, mount_m=50e-6)).verdict
-        for seed in range(campaigns)
-    ]
+    tables = [campaign(levitation_model, seed, rho=0.6, mount_m=50e-6) for seed in range(campaigns)]
+    verdicts = [decide(gathered(levitation_model, table)).verdict for table in tables]
     assert verdicts.count("nothing_missing") >= campaigns - 1
     assert "named" not in verdicts
 
 
 def test_three_hidden_effects_are_named_though_the_first_alone_explains_little(levitation_model):
     causes = [HALL, hidden("turns", turns_error=0.03), SATURATION]
-    result = diagnose(levitation_model, campaign(levitation_model, 6, causes))
+    result = ff.diagnose(levitation_model, campaign(levitation_model, 6, causes))
     assert {"core_saturation", "hall_offset", "turns"} == {one.name for one in result.missing}
 
 
-def clipped(readings, _):
+@pytest.mark.parametrize(("seed", "size", "seen"), [(5, 1.2e-3, True), (0, 5e-4, False)])
+def test_what_is_no_known_effect_is_located_and_not_named_nor_an_error_of_the_bench(levitation_model, seed, size, seen):
+    """Whether the test of patterns sees it or not."""
+    result = ff.diagnose(levitation_model, campaign(levitation_model, seed, change=ripple("force_N", size)))
+    assert (result.verdict, result.missing) == ("unexplained", ())
+    assert (result.p_value < LEVEL) is seen
+    if seen:
+        assert (result.where.channel, result.where.covariates[0]) == ("force_N", "distance_m")
+    else:
+        assert not {"creeping-zero", "stage-errors"} & set(codes(result))
+
+
+@pytest.mark.nightly
+def test_no_name_spoils_a_channel_that_was_right(levitation_model):
     """A load cell that ends at half of the largest force."""
-    force = readings["force_N"]
-    return readings | {"force_N": np.minimum(force, 0.5 * force.max())}
 
+    def clipped(readings, _):
+        force = readings["force_N"]
+        return readings | {"force_N": np.minimum(force, 0.5 * force.max())}
 
-RIPPLED = ripple("force_N", 1.2e-3)
-
-
-@pytest.mark.parametrize(
-    ("cause", "verdicts"),
-    [
-        pytest.param(clipped, {"unexplained", "form_insufficient"}, marks=pytest.mark.nightly),
-        (RIPPLED, {"unexplained"}),
-    ],
-)
-def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_was_right(
-    levitation_model, cause, verdicts
-):
-    result = diagnose(levitation_model, campaign(levitation_model, 5, change=cause))
-    assert result.verdict in verdicts
+    result = ff.diagnose(levitation_model, campaign(levitation_model, 5, change=clipped))
+    assert result.verdict in {"unexplained", "form_insufficient"}
     assert result.where.channel == "force_N"
     for one in result.error_fall.channels:
         assert one.rms_after <= 1.2 * max(one.rms_before, one.noise)
-    if cause is RIPPLED:
-        assert result.missing == ()
-        assert result.where.covariates[0] == "distance_m"
 
 
 def test_without_repeats_or_declared_noise_a_guess_serves_and_nothing_is_certain(levitation_model):
     single = rising(campaign(levitation_model, 7, [HALL], runs=1, rho=0.0))
-    result = diagnose(levitation_model, single)
+    result = ff.diagnose(levitation_model, single)
     assert (result.verdict, result.missing[0].name) == ("named", "hall_offset")
     assert not result.confident
-    assert [one.code for one in result.findings].count("guessed-noise") == 1
-    declared = diagnose(levitation_model, replace(single, declared_noise=NOISE))
+    assert codes(result).count("guessed-noise") == 1
+    declared = ff.diagnose(levitation_model, replace(single, declared_noise=NOISE))
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
-    assert "guessed-noise" not in {one.code for one in declared.findings}
+    assert "guessed-noise" not in codes(declared)
 
 
 def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(levitation_model):
-    table = campaign(
-        levitation_model, 13, change=lambda r, rows: r | {"voltage_V": (1.0 + 25 * 3.93e-3) * r["voltage_V"]}
-    )
-    result = diagnose(levitation_model, without(table, "coil_temperature_C"))
+    def warm(readings, rows):
+        return readings | {"voltage_V": (1.0 + 25 * 3.93e-3) * readings["voltage_V"]}
+
+    table = without(campaign(levitation_model, 13, change=warm), "coil_temperature_C")
+    result = ff.diagnose(levitation_model, table)
     (named,) = result.missing
     assert set(named.members) == {"resistance", "coil_temperature"}  # the same readings, the commoner cause first
     assert named.plausible
@@ -102,40 +100,23 @@ def test_a_zero_that_creeps_from_row_to_row_is_said_where_no_effect_is_one(levit
         elapsed = np.arange(len(rows)) / len(rows)
         return readings | {"force_N": readings["force_N"] + 0.01 * (1.0 - np.exp(-2.5 * elapsed))}
 
-    table = campaign(levitation_model, 4, runs=2, mount_m=0.0, rho=0.0, change=creeping)
-    given = tuple(name for name in table.given if name not in {"order", "run", "mount"})
-    diagnosis = diagnose(levitation_model, replace(table, rows=table.rows.assign(run=1.0, mount=1.0), given=given))
+    table = without(campaign(levitation_model, 4, runs=2, change=creeping, **CLEAN), "order", "run", "mount")
+    diagnosis = ff.diagnose(levitation_model, replace(table, rows=table.rows.assign(run=1.0, mount=1.0)))
     assert diagnosis.verdict in {"unexplained", "form_insufficient"}
-    (remark,) = [one for one in diagnosis.findings if one.code == "creeping-zero"]
+    (remark,) = (one for one in diagnosis.findings if one.code == "creeping-zero")
     assert remark.column == "force_N"
     assert remark.size == pytest.approx(0.01 * (1.0 - np.exp(-2.5)), rel=0.2)
 
 
-def test_no_error_of_the_bench_explains_what_no_test_sees(levitation_model):
-    diagnosis = diagnose(levitation_model, campaign(levitation_model, 0, change=ripple("force_N", 5e-4)))
-    assert diagnosis.verdict == "unexplained"
-    assert diagnosis.p_value > LEVEL
-    assert not {"creeping-zero", "stage-errors"} & {finding.code for finding in diagnosis.findings}
-
-
-def test_a_hidden_effect_does_not_widen_the_noise(levitation_model):
-    clean, changed = (
-        estimate_noise(bench_observations(levitation_model, campaign(levitation_model, 9, effects, **LARGE)))
-        for effects in ([], [SATURATION])
-    )
+def test_a_hidden_effect_widens_neither_the_noise_nor_the_scatter_of_mounts(levitation_model, strong_pot):
+    tables = (campaign(levitation_model, 9, effects, **LARGE) for effects in ([], [SATURATION]))
+    clean, changed = (noise_of(levitation_model, table) for table in tables)
     np.testing.assert_allclose(changed.sigma, clean.sigma, rtol=0.05)
-
-
-def test_a_distance_error_of_all_mounts_does_not_widen_their_scatter(strong_pot):
-    model = strong_pot
-    noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
-    offset = hidden("distance_offset", offset_m=60e-6)
-    clean, moved = (
-        estimate_noise(bench_observations(model, campaign(model, 12, e, mount_m=5e-6, noise=noise, runs=4))).mount_m
-        for e in ([], [offset])
-    )
+    causes = [], [hidden("distance_offset", offset_m=60e-6)]
+    tables = (campaign(strong_pot, 12, cause, mount_m=5e-6, noise=OF_POT, runs=4) for cause in causes)
+    still, moved = (noise_of(strong_pot, table).mount_m for table in tables)
     # The mounts are 60 um off together and 5 um from each other; over 60 um the steepest slope changes by a quarter
-    assert moved == pytest.approx(clean, rel=0.3)
+    assert moved == pytest.approx(still, rel=0.3)
 
 
 def missed(share):
@@ -148,26 +129,27 @@ def missed(share):
     return change
 
 
+def with_misfit(model, rms, share):
+    """The model as of a fit that misses the forces of its sweep by so much."""
+    return replace(model, misfit=Misfit(rms, 3.0 * rms, share, None, None, None, 99, "sweep"))
+
+
 def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(pot):
     """Three runs that agree to micrometres leave no room for 20 um of re-mount, and the model misses its own table."""
     gap = hidden("distance_offset", offset_m=150e-6)
     table = campaign(pot, 15, [gap], change=missed(1.5e-2), noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0, **LARGE)
-    noise = estimate_noise(bench_observations(pot, table))
-    assert noise.mount_m < 15e-6
+    assert noise_of(pot, table).mount_m < 15e-6
     rms = 0.01 * float(np.sqrt(np.mean(table.rows["force_N"] ** 2)))
-    known = replace(pot, misfit=Misfit(rms, 3.0 * rms, 0.01, None, None, None, 99, "sweep"))
-    found = diagnose(known, table)
+    found = ff.diagnose(with_misfit(pot, rms, 0.01), table)
     assert (found.verdict, found.missing[0].members[0]) == ("named", "distance_offset")
     # The model's own misfit is steepest where the force is, and takes its part of the gap
     assert found.missing[0].parameters["offset_m"] == pytest.approx(150e-6, rel=0.1)
-    exact = replace(pot, misfit=Misfit(0.0, 0.0, 0.0, None, None, None, 99, "sweep"))
-    assert diagnose(exact, table).verdict != "named"  # this model would have no such misfit
+    assert ff.diagnose(with_misfit(pot, 0.0, 0.0), table).verdict != "named"  # this model would have no such misfit
 
 
 def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
-    turns = hidden("turns", turns_error=-0.03)
-    noise = {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
-    found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0, **LARGE))
+    turns, noise = hidden("turns", turns_error=-0.03), {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
+    found = ff.diagnose(pot, campaign(pot, 16, [turns], noise=noise, **CLEAN, **LARGE))
     alone = found.posterior.explanations
     behind = alone[frozenset({"turns"})].log_evidence - alone[frozenset({"current_gain"})].log_evidence
     assert 50.0 < behind < 0.005 * found.excess
@@ -182,32 +164,33 @@ def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
 )
 def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levitation_model, effect):
     table = campaign(levitation_model, 3, [effect])
-    found = diagnose(levitation_model, table)
+    found = ff.diagnose(levitation_model, table)
     assert (found.missing[0].name, found.look_alikes, found.confident) == (effect.effect.name, (), True)
-    beside = diagnose(levitation_model, table, exclude=("hall_offset",))
+    beside = ff.diagnose(levitation_model, table, exclude=("hall_offset",))
     assert beside.missing[0].name == effect.effect.name
     assert "hall_offset" in said_of(beside, "certainty")
     assert said_of(beside, "certainty").startswith("Not certain")
-    advice = str(suggest(levitation_model, table, beside))
+    advice = str(ff.suggest(levitation_model, table, beside))
     assert said_of(beside, "certainty") in advice
     assert effect.effect.experiment in advice
-    withheld = diagnose(levitation_model, table, exclude=(effect.effect.name,))
+    withheld = ff.diagnose(levitation_model, table, exclude=(effect.effect.name,))
     assert withheld.verdict in {"unexplained", "form_insufficient"}
     assert not withheld.confident
 
 
 def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
     table = campaign(levitation_model, 3, [hidden("force_gain", gain_error=0.008)], noise={"force_N": NOISE["force_N"]})
-    found = diagnose(levitation_model, table)
+    found = ff.diagnose(levitation_model, table)
     assert found.verdict == "named"
     assert "current_gain" in found.look_alikes
     assert {name for one in found.missing for name in one.members[1:]} <= set(found.look_alikes)
     assert not found.confident
+    assert sum(found.probability.values()) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitation_model):
     table = campaign(levitation_model, 3, [hidden("constant_force", pull=0.03)])
-    alone = diagnose(levitation_model, table, exclude=("force_offset",))
+    alone = ff.diagnose(levitation_model, table, exclude=("force_offset",))
     assert alone.missing[0].name == "constant_force"
     assert not alone.confident
     assert "a constant error of the force" in alone.look_alikes
@@ -215,26 +198,24 @@ def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitat
 
 @pytest.fixture(scope="module")
 def found(levitation_model):
-    warm = AddedEffect(effect_by_name("current_gain"), {"gain_error": 0.05})
-    return diagnose(levitation_model, campaign(levitation_model, 7, [warm]))
+    return ff.diagnose(levitation_model, campaign(levitation_model, 7, [hidden("current_gain", gain_error=0.05)]))
 
 
 @pytest.mark.parametrize(("times", "readings", "said"), [(1.76, 121, True), (1.1, 121, False), (1.4, 4, True)])
 def test_an_error_that_is_left_beyond_the_noise_is_said_in_the_verdict(found, times, readings, said):
     sigma = found.campaign.noise.known["voltage_V"]
     left = ChannelFall("voltage_V", readings, 3.0, times * sigma, sigma)
-    campaign_without_mounts = replace(
-        found.campaign, whitening=replace(found.campaign.whitening, noise=replace(found.campaign.noise, mount_m=0.0))
+    still = replace(found.campaign.whitening, noise=replace(found.campaign.noise, mount_m=0.0))
+    one = replace(
+        found, verdict="named", error_fall=ErrorFall((left,)), campaign=replace(found.campaign, whitening=still)
     )
-    one = replace(found, verdict="named", error_fall=ErrorFall((left,)), campaign=campaign_without_mounts)
     assert (f"{times:.3g} times" in said_of(one, "verdict")) is said
 
 
 def coarse(model, share=0.02, noise=4e-3):
     """The model with the misfit of a coarse fit, and what makes tables with that misfit in them, seed by seed."""
     size = float(np.sqrt(np.mean(campaign(model, 1, noise={"force_N": 1e-9}).rows["force_N"] ** 2)))
-    rms = 0.5 * share * size
-    known = replace(model, misfit=Misfit(rms, 3.0 * rms, share, None, None, None, 99, "sweep"))
+    known = with_misfit(model, 0.5 * share * size, share)
 
     def table(seed, effects=()):
         return campaign(known, seed, effects, noise={"force_N": noise * size}, mount_m=2e-6, change=missed(share))
@@ -248,20 +229,17 @@ def coarse(model, share=0.02, noise=4e-3):
 )
 def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(pot, name, amplitude):
     model, table = coarse(pot)
-
-    def gathered(*effects):
-        return gather(bench_observations(model, table(1, effects)), list(all_effects().values()))
-
-    clean = gathered()
+    clean = gathered(model, table(1))
     assert decide(clean).own_misfit
     size = -1.5 * detectable_magnitudes(clean.effects)[name][amplitude]
-    assert decide(gathered(hidden(name, **{amplitude: size}))).verdict != "nothing_missing"
+    changed = gathered(model, table(1, [hidden(name, **{amplitude: size})]))
+    assert decide(changed).verdict != "nothing_missing"
 
 
 def test_a_law_is_to_be_replaced_by_the_co_energy_rather_than_swept_again(pot):
     model, table = coarse(pot)
-    assert compare(model, table(1)).verdict == "wrong_shape"
-    advice = str(suggest(model, table(1)))
+    assert ff.compare(model, table(1)).verdict == "wrong_shape"
+    advice = str(ff.suggest(model, table(1)))
     assert "co-energy" in advice
     assert "[sweep]" not in advice
 
@@ -280,16 +258,10 @@ def normal(y, *blocks):
     return stats.multivariate_normal(np.zeros(READINGS), covariance).logpdf(y) + 0.5 * READINGS * np.log(2.0 * np.pi)
 
 
-def test_the_evidence_is_the_density_of_the_readings(drawn):
-    y, columns, _ = drawn
-    assert Linear.of(y, columns, LogDensity(READINGS, np.inf)).log_evidence == pytest.approx(
-        normal(y, columns), rel=1e-12
-    )
-
-
-def test_further_columns_at_a_fit_change_it_as_all_columns_together_do(drawn):
+def test_the_evidence_is_the_density_of_the_readings_also_with_further_columns_at_a_fit(drawn):
     y, columns, more = drawn
     one = Linear.of(y, columns, LogDensity(READINGS, np.inf))
+    assert one.log_evidence == pytest.approx(normal(y, columns), rel=1e-12)
     gram, along = one.products(Block(more))
     sizes = np.array([0.1, 1.0, 7.0])
     together = [normal(y, columns, size * more) for size in sizes]
@@ -298,15 +270,10 @@ def test_further_columns_at_a_fit_change_it_as_all_columns_together_do(drawn):
 
 def test_noise_from_few_repeats_gives_students_density(drawn):
     y, columns, _ = drawn
-    few = 7.0
-    shape = np.eye(READINGS) + columns @ columns.T
-    exact = stats.multivariate_t(np.zeros(READINGS), shape, df=few)
-    other = stats.multivariate_t(np.zeros(READINGS), np.eye(READINGS), df=few)
-    density = LogDensity(READINGS, few)
-    nothing = Linear.of(y, np.zeros((READINGS, 0)), density)
-    assert Linear.of(y, columns, density).log_evidence - nothing.log_evidence == pytest.approx(
-        exact.logpdf(y) - other.logpdf(y), rel=1e-10
-    )
+    few, zero, unit = 7.0, np.zeros(READINGS), np.eye(READINGS)
+    exact, other = (stats.multivariate_t(zero, shape, df=few) for shape in (unit + columns @ columns.T, unit))
+    more, nothing = (Linear.of(y, of, LogDensity(READINGS, few)).log_evidence for of in (columns, columns[:, :0]))
+    assert more - nothing == pytest.approx(exact.logpdf(y) - other.logpdf(y), rel=1e-10)
 
 
 def test_a_size_is_averaged_over_orders_of_magnitude(drawn):
@@ -319,17 +286,16 @@ def test_a_size_is_averaged_over_orders_of_magnitude(drawn):
 
 
 def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_for_the_last(levitation_model):
-    clean, wrong = (
-        campaign(levitation_model, 82, effects, runs=4) for effects in ([], [hidden("force_gain", gain_error=0.04)])
-    )
+    causes = [], [hidden("force_gain", gain_error=0.04)]
+    clean, wrong = (campaign(levitation_model, 82, effects, runs=4) for effects in causes)
     observations = bench_observations(levitation_model, clean)
     scatter = observations.rms(observations.residual)["force_N"]  # of readings and mounts
     from_third = clean.rows["run"] >= clean.rows["run"].min() + 2
     clean.rows.loc[from_third, "force_N"] = wrong.rows.loc[from_third, "force_N"]
-    found = diagnose(levitation_model, clean)
+    found = ff.diagnose(levitation_model, clean)
     assert [(one.name, one.runs) for one in found.missing] == [("force_gain", (3, 4))]
     assert found.to_dict()["missing"][0]["when"] == {"first_run": 3, "last_run": 4}
-    better = add_effects(levitation_model, clean, found)
+    better = ff.add_effects(levitation_model, clean, found)
     (added,) = better.model.effects
     assert added.runs is None
     assert added.parameters["gain_error"] == pytest.approx(0.04, rel=0.1)
@@ -342,13 +308,13 @@ def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_
 @pytest.mark.parametrize(
     ("call", "error", "named"),
     [
-        (lambda model, table: add_effects("absent.json", table, "friction"), FemfitError, "absent"),
-        (lambda model, table: add_effects(model, table, []), TableError, "No effect"),
-        (lambda model, table: add_effects(model, table, model), TableError, "No effect"),
-        (lambda model, table: add_effects(model, table, "friction", coil_temperature_C=-300.0), UsageError, "-300"),
-        (lambda model, table: suggest(model, table, model), TableError, "ActuatorModel"),
-        (lambda model, table: diagnose(table, None), UsageError, "BenchTable"),
-        (lambda model, table: compare(model, None), TableError, "NoneType"),
+        (lambda model, table: ff.add_effects("absent.json", table, "friction"), ff.FemfitError, "absent"),
+        (lambda model, table: ff.add_effects(model, table, []), TableError, "No effect"),
+        (lambda model, table: ff.add_effects(model, table, model), TableError, "No effect"),
+        (lambda model, table: ff.add_effects(model, table, "friction", coil_temperature_C=-300.0), UsageError, "-300"),
+        (lambda model, table: ff.suggest(model, table, model), TableError, "ActuatorModel"),
+        (lambda model, table: ff.diagnose(table, None), UsageError, "BenchTable"),
+        (lambda model, table: ff.compare(model, None), TableError, "NoneType"),
     ],
 )
 def test_an_argument_of_another_kind_is_refused_by_its_name(levitation_model, call, error, named):
@@ -362,12 +328,8 @@ def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_ref
     table = campaign(levitation_model, 4, [SATURATION, hidden("hall_offset", offset_V=5e-3)], **LARGE)
     for most, ended in ((3, []), (2, [2])):
         monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", most)
-        result = diagnose(levitation_model, table)
+        result = ff.diagnose(levitation_model, table)
         assert [one.size for one in result.findings if one.code == "search-ended"] == ended
         if not ended:
             assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
             assert "hall_drift" in result.missing[1].members  # whose end all runs have in common
-
-
-def test_all_probabilities_make_one(found):
-    assert sum(found.probability.values()) == pytest.approx(1.0, abs=1e-9)

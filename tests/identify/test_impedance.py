@@ -6,14 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.core.errors import TableError
 from femfit.identify.bench import placed
-from femfit.identify.compare import compare
 from femfit.identify.decision.campaign import gather
-from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.plan import examine_plan
 from femfit.model.eddy_currents import EddyBias
-from femfit.tables.measurement_file import read_measurement
 from support.campaign import campaign, hidden
 from support.eddies import with_eddies
 from support.impedances import (
@@ -29,16 +27,24 @@ from support.one_current import within
 LAG = {"ring_share": 0.2, "diffusion_share": 0.05, "time_s": 2e-3}
 
 
-def test_a_model_agrees_with_its_own_impedance_and_the_noise_is_found_as_a_share(levitation_model, tmp_path):
-    comparison = compare(levitation_model, impedance_table(levitation_model, tmp_path / "z.csv"))
+@pytest.mark.parametrize(("declared", "rel"), [(None, 0.2), ({"impedance_percent": 0.1}, 0.1)])
+def test_a_model_agrees_with_its_own_impedance_and_the_noise_is_a_share(levitation_model, tmp_path, declared, rel):
+    path = impedance_file(levitation_model, tmp_path / "z.csv", runs=1 if declared else 2)
+    comparison = ff.compare(levitation_model, ff.read_measurement(path, noise=declared))
     assert comparison.verdict == "agrees"
     # 150 differences of repeats of a share of 1e-3 tell it to 6 %; mounts that are assumed take a little of them
-    assert [one.noise_floor / one.magnitude for one in comparison.channels] == pytest.approx([1e-3, 1e-3], rel=0.2)
+    assert [one.noise_floor / one.magnitude for one in comparison.channels] == pytest.approx([1e-3, 1e-3], rel=rel)
+    assert {one.noise_source for one in comparison.channels} == {"declared" if declared else "repeats"}
+    observations = comparison.observations
+    low = observations.column("frequency_Hz") < 100.0
+    for name in observations.channels:
+        ends = (observations.residual[observations.of(name) & part] for part in (low, ~low))
+        assert np.std(next(ends)) == pytest.approx(np.std(next(ends)), rel=0.25)  # of 45 readings and more
 
 
 def test_where_and_how_much_is_said_with_the_frequency(levitation_model, tmp_path):
     path = impedance_table(levitation_model, tmp_path / "z.csv", [hidden("eddy_current_lag", **LAG)])
-    comparison = compare(levitation_model, path)
+    comparison = ff.compare(levitation_model, path)
     assert comparison.verdict == "fails"
     assert comparison.where.channel == "inductance_H"
     assert comparison.where.covariates[0] == "frequency_Hz"
@@ -52,7 +58,7 @@ def test_frequencies_above_those_of_the_eddy_currents_are_named(levitation_model
     model = with_eddies(levitation_model)
     table = impedance_table(model, tmp_path / "z.csv")
     eddy = replace(model.eddy, error=replace(model.eddy.error, frequency_max_Hz=1e3))
-    said = str(compare(replace(model, eddy=eddy), table))
+    said = str(ff.compare(replace(model, eddy=eddy), table))
     above = 2 * 5 * 3 * int((FREQUENCIES > 1e3).sum())
     assert f"{above} readings" in said
     assert "10 kHz" in said
@@ -64,7 +70,7 @@ def test_frequencies_above_those_of_the_eddy_currents_are_named(levitation_model
 )
 def test_what_explains_an_impedance_is_named(levitation_model, tmp_path, name, parameters):
     table = impedance_table(levitation_model, tmp_path / "z.csv", [hidden(name, **parameters)])
-    found = diagnose(levitation_model, table)
+    found = ff.diagnose(levitation_model, table)
     assert found.verdict == "named"
     assert name in found.missing[0].members
 
@@ -72,8 +78,8 @@ def test_what_explains_an_impedance_is_named(levitation_model, tmp_path, name, p
 def test_what_the_drawing_s_eddy_currents_explain_is_not_a_lag(levitation_model, tmp_path):
     model = with_eddies(levitation_model)
     table = impedance_table(model, tmp_path / "z.csv")
-    assert compare(model, table).verdict == "agrees"
-    without = diagnose(levitation_model, table)
+    assert ff.compare(model, table).verdict == "agrees"
+    without = ff.diagnose(levitation_model, table)
     assert without.verdict != "nothing_missing"
     assert without.where.covariates[0] == "frequency_Hz"
 
@@ -83,8 +89,8 @@ def test_the_eddy_currents_own_error_is_not_missing_physics(levitation_model, tm
     rougher = replace(model.eddy, resistances_ohm=1.003 * model.eddy.resistances_ohm)
     table = impedance_table(replace(model, eddy=rougher), tmp_path / "z.csv", share=1e-4)
     exact = replace(model, eddy=replace(model.eddy, error=None))
-    assert compare(exact, table).verdict == "fails"
-    assert compare(model, table).verdict == "wrong_shape"
+    assert ff.compare(exact, table).verdict == "fails"
+    assert ff.compare(model, table).verdict == "wrong_shape"
 
 
 def test_the_own_error_may_ripple_from_setting_to_setting(levitation_model, tmp_path):
@@ -99,17 +105,9 @@ def test_the_own_error_may_ripple_from_setting_to_setting(levitation_model, tmp_
     assert np.mean(found.whitening.residual**2) < 1.0
 
 
-def test_a_declared_share_is_the_noise_of_both_channels(levitation_model, tmp_path):
-    path = impedance_file(levitation_model, tmp_path / "z.csv", runs=1)
-    comparison = compare(levitation_model, read_measurement(path, noise={"impedance_percent": 0.1}))
-    assert comparison.verdict == "agrees"
-    assert [one.noise_floor / one.magnitude for one in comparison.channels] == pytest.approx([1e-3, 1e-3], rel=0.1)
-    assert {one.noise_source for one in comparison.channels} == {"declared"}
-
-
 def test_readings_at_rest_do_not_show_a_conductivity(levitation_model, tmp_path):
     model = with_drawn_conductivity(levitation_model)
-    found = diagnose(model, campaign(model, 1))
+    found = ff.diagnose(model, campaign(model, 1))
     notes = {one.name: one.note for one in found.ranking}
     assert "frequency" in notes[KEY]
 
@@ -156,22 +154,13 @@ def test_what_was_read_away_from_the_bias_is_not_compared(levitation_model, tmp_
 @pytest.mark.parametrize("bias", [0.5, None])
 def test_at_the_bias_a_wrong_conductivity_keeps_its_name(levitation_model, tmp_path, bias):
     model = with_drawn_conductivity(levitation_model) if bias is None else solved_about(levitation_model, bias)
-    found = diagnose(model, at_half_an_ampere(levitation_model, tmp_path / "z.csv"))
+    found = ff.diagnose(model, at_half_an_ampere(levitation_model, tmp_path / "z.csv"))
     assert [one.name for one in found.missing] == [KEY]
     assert found.missing[0].parameters["change"] == pytest.approx(SHARE, abs=0.01)
 
 
-def test_a_wide_range_of_impedances_has_one_noise(levitation_model, tmp_path):
-    observations = placed(levitation_model, impedance_table(levitation_model, tmp_path / "z.csv"))
-    low = observations.column("frequency_Hz") < 100.0
-    for name in observations.channels:
-        here = observations.of(name)
-        sizes = [np.std(observations.residual[here & part]) for part in (low, ~low)]
-        assert sizes[0] == pytest.approx(sizes[1], rel=0.25)  # of 90 readings and more
-
-
 def test_a_noise_in_ohm_is_the_same_at_every_frequency(levitation_model, tmp_path):
-    table = read_measurement(
+    table = ff.read_measurement(
         impedance_file(levitation_model, tmp_path / "z.csv", runs=1), noise={"resistance_ohm": 0.05}
     )
     observations = placed(levitation_model, table)

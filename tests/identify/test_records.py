@@ -12,20 +12,14 @@ import femfit as ff
 from femfit.core.errors import TableError
 from femfit.device.electrics import PositionSensor
 from femfit.device.mechanics import Mechanics, Spring
-from femfit.effects.catalogue import effect_by_name
+from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect
 from femfit.identify.bench import placed
-from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.lack_of_fit import pattern_space
-from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import Whitening
 from femfit.identify.series.measured import SensorNoise, propagated
-from femfit.identify.series.motion import Induced, Motion, model_side, states_along
+from femfit.identify.series.motion import Induced, Motion, states_along
 from femfit.identify.series.observations import series_observations
 from femfit.identify.series.samples import between_samples, held_from, take_samples
-from femfit.identify.series.views import sensor_view
-from femfit.identify.series.weights import Windows, lay_windows, local_polynomials, window_weights
+from femfit.identify.series.weights import Windows, local_polynomials, window_weights
 from femfit.identify.signatures import why_untestable
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyMagnetics
@@ -43,10 +37,10 @@ from support.switching import STEP_S, logged, switched
 def test_balances_of_an_undisturbed_record_close_far_below_what_effects_do(model, loops):
     observations = series_observations(model, recorded(loops, distance_m=0.0, current_A=0.0))
     assert observations.channels == ("force_balance_N", "voltage_balance_V", "hall_V")
-    force, volts = (observations.residual[observations.of(name)] for name in observations.channels[:2])
+    rms = observations.rms(observations.residual)
     # Of 0.043 N and 3 V: the windows' own error beside the kinks that a held command makes
-    assert np.sqrt(np.mean(force**2)) < 5e-5 * 0.043
-    assert np.sqrt(np.mean(volts**2)) < 5e-6 * 3.0
+    assert rms["force_balance_N"] < 5e-5 * 0.043
+    assert rms["voltage_balance_V"] < 5e-6 * 3.0
 
 
 def test_the_voltage_of_an_inductance_in_series_is_balanced_too(model):
@@ -62,10 +56,9 @@ def test_the_voltage_of_an_inductance_in_series_is_balanced_too(model):
 @pytest.mark.parametrize("how", [{}, {"lost": 0.02}, {"converter_A": 5e-3}, {"distance_m": 3e-5, "current_A": 4e-3}])
 def test_the_scatter_of_the_balances_is_what_the_sensors_noise_makes(model, loops, how):
     observations = series_observations(model, recorded(loops, seed=1, runs=range(1, 7), **how))
-    for name in observations.channels:
-        rms = float(np.sqrt(np.mean(observations.residual[observations.of(name)] ** 2)))
-        # Some 360 windows: 4 %; a converter's error is no white noise and is bounded from above
-        low = 0.6 if "converter_A" in how else 0.85
+    # Some 360 windows: 4 %; a converter's error is no white noise and is bounded from above
+    low = 0.6 if "converter_A" in how else 0.85
+    for name, rms in observations.rms(observations.residual).items():
         assert low < rms / observations.declared_noise[name] < 1.15
 
 
@@ -83,21 +76,15 @@ def test_a_hall_reading_is_as_late_as_the_drawing_says(model, loops):
 @pytest.mark.parametrize("records", [2, pytest.param(12, marks=pytest.mark.nightly)])
 def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, loops, records):
     ways = [{}, {"lost": 0.02}, {"converter_A": 5e-3, "current_A": 3e-4}, {"distance_m": 3e-5, "current_A": 4e-3}]
-    verdicts = [
-        diagnose(model, recorded(loops, seed=run, runs=(run,), **ways[run % 4])).verdict
-        for run in range(1, records + 1)
-    ]
+    series = [recorded(loops, seed=run, runs=(run,), **ways[run % 4]) for run in range(1, records + 1)]
+    verdicts = [ff.diagnose(model, record).verdict for record in series]
     assert verdicts.count("nothing_missing") >= records - 1
     assert "named" not in verdicts
 
 
 def test_many_clean_runs_together_show_no_structure_in_any_channel(model, loops):
     # A Hall element's noise drives the current that follows it: settings must be taken from before a reading
-    observations = series_observations(model, recorded(loops, seed=2, runs=range(1, 13)))
-    noise = estimate_noise(observations)
-    whitening = Whitening(observations, noise)
-    test = pattern_space(whitening).test(whitening.residual)
-    assert test.p_value > 0.01
+    assert ff.compare(model, recorded(loops, seed=2, runs=range(1, 13))).p_value > 0.01
 
 
 # A closed loop does not tell mass and pull apart, nor a sagging supply from a larger resistance
@@ -116,52 +103,30 @@ HIDDEN = {
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", HIDDEN)
 def test_a_hidden_effect_is_in_the_class_with_its_size_and_a_model_that_has_it_lacks_nothing(model, name):
-    size, rel, beside = HIDDEN[name]
-    effect = hidden(name, **size)
+    (size, rel, beside), effect = HIDDEN[name], hidden(name, **HIDDEN[name][0])
     record = recorded(closed_loop(model, [effect], seconds=2.0, seed=3))
-    result = diagnose(model, record)
+    result = ff.diagnose(model, record)
     assert result.verdict == "named"
     assert {name, *beside} <= set(result.missing[0].members)
     if rel and result.missing[0].name == name:
         assert {key: result.missing[0].parameters[key] for key in size} == pytest.approx(size, rel=rel)
     if name == "viscous_friction":
-        assert diagnose(with_effects(model, [effect]), record).verdict == "nothing_missing"
+        assert ff.diagnose(with_effects(model, [effect]), record).verdict == "nothing_missing"
     if name == "mass_error":
         assert result.where.channel == "force_balance_N"
 
 
-@pytest.mark.nightly
-def test_a_stiffer_suspension_is_found_with_its_size_and_is_no_other_preload():
-    """A body that swings in the middle of its travel, on a spring 30 % stiffer than drawn."""
-    drawn, true = (
-        replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(k, 0.0, 3e-3),), viscous_N_s_per_m=0.5))
-        for k in (2000.0, 2600.0)
-    )
-    swing = logged([switched([0.0], [0.4], 0.12, model=true, start_m=1.2e-3)], noise=(5e-4, 2e-6))
-    result = diagnose(drawn, swing)
-    assert (result.verdict, result.missing[0].name) == ("named", "spring_stiffness")
-    assert result.missing[0].parameters["stiffness_error"] == pytest.approx(0.3, rel=0.05)
-    low, high = ff.add_effects(drawn, swing, ["spring_stiffness", "spring_preload"]).added[1].ci95["preload"]
-    assert low < 0.0 < high
-
-
-@pytest.fixture(scope="module")
-def sticking():
-    """A body that dry friction holds for some milliseconds wherever it turns, driven slowly up and down."""
-    springs, friction_N = (Spring(600.0, 0.0, 3e-3),), 0.03
-    drawn = solenoid(Mechanics(0.025, 0.0, springs=springs, viscous_N_s_per_m=0.5, coulomb_N=friction_N))
+def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size():
+    """Driven slowly up and down, it is held for some milliseconds wherever it turns."""
+    drawn = solenoid(Mechanics(0.025, 0.0, springs=(Spring(600.0, 0.0, 3e-3),), viscous_N_s_per_m=0.5, coulomb_N=0.03))
     time = 1e-3 * np.arange(1000)
     volts = 7.0 + 3.0 * (2.0 / np.pi) * np.arcsin(np.sin(4.0 * np.pi * time))
-    return drawn, logged([switched(time, volts, 1.0, model=drawn, start_m=2.8e-3)], noise=(5e-4, 2e-6))
-
-
-def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size(sticking):
-    drawn, record = sticking
+    record = logged([switched(time, volts, 1.0, model=drawn, start_m=2.8e-3)], noise=(5e-4, 2e-6))
     compared = ff.compare(drawn, record)
     assert compared.verdict == "agrees", str(compared)
     assert "stands" in {told.code for told in compared.findings}
     smooth = replace(drawn, motion=replace(drawn.motion, coulomb_N=0.0))
-    result = diagnose(smooth, record)
+    result = ff.diagnose(smooth, record)
     assert [cause.name for cause in result.missing] == ["coulomb_friction"], str(result)
     weight = nominal_of(smooth).weight_N
     assert result.missing[0].parameters["level"] * weight == pytest.approx(drawn.motion.coulomb_N, rel=0.1)
@@ -171,7 +136,7 @@ def test_dry_friction_of_a_body_that_stands_or_turns_is_any_force_up_to_its_size
 def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
     samples, left = closed_loop(model, [hidden("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5), []
     for seed in range(1, 8):
-        result = diagnose(model, recorded(samples, seed=seed, runs=range(1, 7), distance_m=3e-5))
+        result = ff.diagnose(model, recorded(samples, seed=seed, runs=range(1, 7), distance_m=3e-5))
         assert result.missing[0].name == "mass_error"
         assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.025)
         fall = {one.channel: one for one in result.error_fall.channels}
@@ -182,47 +147,30 @@ def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model)
 
 def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, loops):
     record = recorded(loops)
-    unplaced = without(record, "distance_m")
+    unplaced, rows = without(record, "distance_m"), record.rows
     laser = PositionSensor(name="laser", distances_m=(0.0, 0.1), readings=(0.5, 80.5), unit="V")
-    with pytest.raises(TableError, match=r"--column HEADER=position_V"):
-        series_observations(replace(model, other_sensors=(laser,)), unplaced)
-    with pytest.raises(TableError, match="distance_m") as refused:
-        series_observations(model, unplaced)
-    assert "position_V" not in str(refused.value)
-    millimetres = replace(record, rows=record.rows.assign(distance_m=1e3 * record.rows["distance_m"]))
-    with pytest.raises(TableError, match="in mm"):
-        series_observations(model, millimetres)
-    short = replace(record, rows=record.rows.iloc[:20])
-    with pytest.raises(TableError, match="gap"):
-        series_observations(model, short)
+    for device, series, words in (
+        (replace(model, other_sensors=(laser,)), unplaced, r"--column HEADER=position_V"),
+        (model, unplaced, r"^(?!.*position_V)[\s\S]*distance_m"),
+        (model, replace(record, rows=rows.assign(distance_m=1e3 * rows["distance_m"])), "in mm"),
+        (model, replace(record, rows=rows.iloc[:20]), "gap"),
+    ):
+        with pytest.raises(TableError, match=words):
+            series_observations(device, series)
 
 
-def test_rests_are_read_without_a_field_as_they_are_beside_other_sensors():
-    model, record = solenoid(), logged([switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)])
-    samples = take_samples(model, record)
-    windows = lay_windows(model, samples)
-    view = sensor_view(model, replace(samples, rows=samples.rows[samples["usable"]]), windows, nominal_of(model))
-    effects = [hidden("stop_position", near=0.01, far=-0.02), hidden("distance_offset", offset_m=1e-5)]
-    weights = dict.fromkeys(("rest_distance_m", "force_N"), view.weights)
-    alone = model_side(view.motion, {"rest_distance_m": view.weights}, effects)
-    assert not view.motion._kept  # no field was worked out
-    beside = model_side(view.motion, weights, effects)
-    np.testing.assert_array_equal(alone["rest_distance_m"], beside["rest_distance_m"])
-
-
+FINER = 20  # steps of the winding within a sample
+HELD_M = 0.022
 EVEN = np.linspace(0.0, 1.0, 201)
 UNEVEN = np.sort(np.random.default_rng(0).random(201))
 UNEVEN[[0, -1]] = 0.0, 1.0
+SEGMENT = np.zeros(201, dtype=int)
 ONE = Windows(np.array([0.3, 0.7]), np.array([0, 0]), 0.4)
-
-
-def everywhere(time):
-    return np.zeros(len(time), dtype=int), np.ones(len(time), dtype=bool)
 
 
 @pytest.mark.parametrize("time", [EVEN, UNEVEN], ids=["even", "uneven"])
 def test_means_and_mean_derivatives_of_a_quintic_are_exact_whatever_the_sampling(time):
-    weights = window_weights(ONE, time, *everywhere(time))
+    weights = window_weights(ONE, time, SEGMENT, SEGMENT == 0)
     polynomial = np.polynomial.Polynomial([0.3, -1.0, 2.0, 5.0, -4.0, 7.0])
     fine = np.linspace(-1.0, 1.0, 20001)
     bump = (1.0 - fine**2) ** 2
@@ -233,21 +181,19 @@ def test_means_and_mean_derivatives_of_a_quintic_are_exact_whatever_the_sampling
 
 
 def test_windows_with_a_gap_or_too_few_samples_are_not_valid():
-    gap = (EVEN < 0.25) | (EVEN > 0.35)
-    weights = window_weights(ONE, EVEN, np.zeros(201, dtype=int), gap)
+    weights = window_weights(ONE, EVEN, SEGMENT, (EVEN < 0.25) | (EVEN > 0.35))
     assert weights.valid.tolist() == [False, True]
     assert abs(weights.mean[[0]]).sum() == 0.0
-    assert not window_weights(ONE, EVEN, np.zeros(201, dtype=int), np.arange(201) % 20 == 0).valid.any()
+    assert not window_weights(ONE, EVEN, SEGMENT, np.arange(201) % 20 == 0).valid.any()
 
 
 def test_local_polynomials_are_exact_up_to_their_degree_and_may_look_back_alone():
     nodes = np.array([0.0, 0.41, 0.8])
     cubic = np.polynomial.Polynomial([1.0, 2.0, -3.0, 4.0])
-    segment, _ = everywhere(UNEVEN)
-    level, slope = local_polynomials(nodes, segment[:3], UNEVEN, segment, nodes, (0.1, 0.1), 3)
+    level, slope = local_polynomials(nodes, SEGMENT[:3], UNEVEN, SEGMENT, nodes, (0.1, 0.1), 3)
     np.testing.assert_allclose(level @ cubic(UNEVEN), cubic(nodes), rtol=1e-8)
     np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes), rtol=1e-6)
-    level, slope = local_polynomials(nodes[1:], segment[:2], UNEVEN, segment, nodes[1:] - 0.05, (0.2, 0.0), 3)
+    level, slope = local_polynomials(nodes[1:], SEGMENT[:2], UNEVEN, SEGMENT, nodes[1:] - 0.05, (0.2, 0.0), 3)
     np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes[1:]), rtol=1e-6)
     assert UNEVEN[level[[0]].indices].max() <= 0.36
 
@@ -268,8 +214,7 @@ def test_the_error_of_a_coarse_converter_does_not_average_until_noise_dithers_it
 
 
 def test_states_along_a_motion_follow_their_equation(levitation_model):
-    effect = effect_by_name("eddy_current_lag")
-    added = AddedEffect(effect, effect.null() | {"ring_share": 0.2, "time_s": 0.02})
+    added = hidden("eddy_current_lag", ring_share=0.2, time_s=0.02)
     nominal = nominal_of(levitation_model)
     time = np.linspace(0.0, 0.5, 2001)
     current = 0.7 + 0.2 * np.sin(25.0 * time)
@@ -277,7 +222,7 @@ def test_states_along_a_motion_follow_their_equation(levitation_model):
     first[[0, 1200]] = True
     still = np.zeros(2001)
     none = np.zeros((2001, 0))
-    motion = Motion(levitation_model, time, first, still + 0.02, current[:, None], none, Conditions(nominal))
+    motion = Motion(levitation_model, time, first, still + HELD_M, current[:, None], none, Conditions(nominal))
     states = states_along(added, motion, motion.distance_m, current, still)
     seen = states["eddy_ring"] * nominal.peak_current_A
     # x' = i' - x / tau from rest, integrated by hand
@@ -289,8 +234,6 @@ def test_states_along_a_motion_follow_their_equation(levitation_model):
 
 
 def test_every_effect_with_states_has_rates_affine_in_each_state_alone(levitation_model):
-    from femfit.effects.catalogue import BUILT_IN
-
     nominal = nominal_of(levitation_model)
     v, i, rate = (np.array([x]) for x in (0.05, 0.7, 3.0))
     at = Conditions(nominal, velocity_m_s=v, current_rate_A_s=rate, motional_V=np.array([0.01]))
@@ -310,10 +253,6 @@ def test_every_effect_with_states_has_rates_affine_in_each_state_alone(levitatio
         np.testing.assert_allclose(slopes, np.diag(np.diag(slopes)), atol=1e-12)
         np.testing.assert_allclose(rates(np.full(count, 0.5)) - zero, 0.5 * np.diag(slopes), rtol=1e-9, atol=1e-12)
         assert np.all(np.diag(slopes) <= 0.0)
-
-
-FINER = 20  # steps of the winding within a sample
-HELD_M = 0.022
 
 
 def record(model, command, step_s):
@@ -364,40 +303,29 @@ def test_an_edge_still_shows_an_inductance_that_the_model_lacks(held_rig, at_sam
 def test_a_command_that_changes_from_sample_to_sample_is_held_between_them(held_rig, at_samples):
     samples = take_samples(held_rig, at_samples)
     volts, held = samples["voltage_V"], held_from(samples, 0)
-    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
-    np.testing.assert_array_equal(mean, volts)
-    np.testing.assert_allclose(error, np.append(np.diff(volts), 0.0) ** 2 / 3.0)
-    volts = volts + 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
-    samples = replace(samples, rows=samples.rows.assign(voltage_V=volts))
-    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, volts)
-    np.testing.assert_array_equal(mean, volts)
-    assert not error.any()
+    scattered = volts + 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
+    for command, wanted in ((volts, np.append(np.diff(volts), 0.0) ** 2 / 3.0), (scattered, 0.0 * volts)):
+        samples = replace(samples, rows=samples.rows.assign(voltage_V=command))
+        mean, error = between_samples(samples, 0, held, held_rig.sample_time_s, command)
+        np.testing.assert_array_equal(mean, command)
+        np.testing.assert_allclose(error, wanted)
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.nightly) for k in (2, 3))])
-def test_commands_that_a_slow_record_does_not_show_count_as_its_noise(held_rig, seed):
-    fast = replace(held_rig, sample_time_s=0.1 * held_rig.sample_time_s)
-    scatter = 0.15 * np.random.default_rng(seed).standard_normal(80000)
-
-    def command(time):
-        place = np.floor(time / fast.sample_time_s + 1e-6).astype(int)
-        return 1.6 + 0.4 * np.sin(2.0 * np.pi * time / 0.37) + scatter[place]
-
-    left = misfit(fast, record(held_rig, command, held_rig.sample_time_s))
-    assert 0.85 < np.sqrt(np.mean(left**2)) < 1.15
-
-
-@pytest.mark.parametrize("scatter_V", [0.0, 0.15])
-def test_a_driver_that_is_slower_than_drawn_holds_its_command_between_the_samples(held_rig, scatter_V):
-    """At 0.2 ms, say, of a driver that is drawn with 0.1 ms."""
-    drawn = replace(held_rig, sample_time_s=0.5 * held_rig.sample_time_s)
-    scatter = scatter_V * np.random.default_rng(1).standard_normal(9000)
+@pytest.mark.parametrize(
+    ("drawn", "held", "scatter_V"),
+    [(0.1, 0.1, 0.15), (0.5, 1.0, 0.0), (0.5, 1.0, 0.15)],
+    ids=["a record that is slow", "a driver slower than drawn", "a scattering driver slower than drawn"],
+)
+def test_commands_that_a_record_does_not_show_count_as_its_noise(held_rig, drawn, held, scatter_V):
+    """Steps that are drawn and steps in which the command is held, over those of the samples."""
+    period = held_rig.sample_time_s
+    scatter = scatter_V * np.random.default_rng(1).standard_normal(80000)
 
     def command(time):
-        place = np.floor(time / held_rig.sample_time_s + 1e-6).astype(int)
-        return 1.6 + 0.4 * np.sin(place / 60.0) + scatter[place]
+        place = np.floor(time / (held * period) + 1e-6).astype(int)
+        return 1.6 + 0.4 * np.sin(held * place / 60.0) + scatter[place]
 
-    left = misfit(drawn, record(held_rig, command, held_rig.sample_time_s))
+    left = misfit(replace(held_rig, sample_time_s=drawn * period), record(held_rig, command, period))
     assert 0.85 < np.sqrt(np.mean(left**2)) < 1.15
 
 
@@ -470,19 +398,15 @@ def conducting(levitation_model):
 
 def test_the_drawing_s_eddy_currents_close_the_balances(conducting):
     exact = recorded(held(conducting), distance_m=0.0, current_A=0.0)
-    with_them, without = (
-        series_observations(one, exact) for one in (conducting, replace(conducting, eddy=None, drawn=()))
-    )
-    for name, share in (("voltage_balance_V", 0.02), ("hall_V", 0.25)):  # noise is left of the Hall voltage
-        left, whole = (np.sqrt(np.mean(one.residual[one.of(name)] ** 2)) for one in (with_them, without))
-        assert left < share * whole
+    seen = (series_observations(one, exact) for one in (conducting, replace(conducting, eddy=None, drawn=())))
+    left, whole = (one.rms(one.residual) for one in seen)
+    assert left["voltage_balance_V"] < 0.02 * whole["voltage_balance_V"]
+    assert left["hall_V"] < 0.25 * whole["hall_V"]  # of which noise is left
 
 
 @pytest.mark.parametrize("share", [0.0, *(pytest.param(share, marks=pytest.mark.nightly) for share in (0.1, -0.1))])
 def test_a_lag_that_the_drawing_does_not_predict_is_named_with_its_size(conducting, share):
-    built = replace(with_conductivity(conducting, share), motion=None)
-    record = recorded(held(built))
-    found = diagnose(conducting, record)
+    found = ff.diagnose(conducting, recorded(held(replace(with_conductivity(conducting, share), motion=None))))
     assert [one.name for one in found.missing] == [KEY] * bool(share)
     if share:
         assert found.missing[0].parameters["change"] == pytest.approx(share, abs=0.01)
@@ -512,7 +436,7 @@ def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(mo
     assert "clipped" in {finding.code for finding in samples.findings}
 
 
-SWITCHED, COMMANDS = solenoid(), ([0.0, 0.02, 0.08], [0.0, 12.0, 0.0])
+SWITCHED = solenoid()
 
 
 @pytest.fixture(scope="module")
@@ -520,19 +444,21 @@ def worn():
     """Logs of a device whose near stop stands 0.1 mm further away."""
     near = SWITCHED.motion.near_stop
     further = replace(near, distance_m=near.distance_m + 0.1e-3)
-    device = replace(SWITCHED, motion=replace(SWITCHED.motion, near_stop=further))
-    early = switched([0.0, 0.01, 0.07], COMMANDS[1], 0.11, model=device)
-    return logged([switched(*COMMANDS, 0.12, model=device), early], seed=2)
+    device, volts = replace(SWITCHED, motion=replace(SWITCHED.motion, near_stop=further)), [0.0, 12.0, 0.0]
+    return logged(
+        [
+            switched([0.0, 0.02, 0.08], volts, 0.12, model=device),
+            switched([0.0, 0.01, 0.07], volts, 0.11, model=device),
+        ],
+        seed=2,
+    )
 
 
 def test_a_worn_stop_is_named_with_its_size(worn):
-    found = diagnose(SWITCHED, worn)
+    found = ff.diagnose(SWITCHED, worn)
     assert found.missing[0].name == "stop_position"
     added = found.missing[0].parameters["near"] * (SWITCHED.validity.distance_max_m - SWITCHED.validity.distance_min_m)
     assert added == pytest.approx(0.1e-3, abs=0.02e-3)
-
-
-def test_a_body_without_stops_has_none_to_be_wrong(worn):
     free = replace(SWITCHED, motion=replace(SWITCHED.motion, near_stop=None, far_stop=None))
     assert "no stop" in why_untestable(effect_by_name("stop_position"), placed(free, worn))
 
@@ -541,6 +467,6 @@ def test_a_body_that_lies_on_its_stop_while_the_drive_goes_on_lacks_nothing():
     """The noise of its distance would be a motion that induces less voltage, and a gain of -87 % explain noise."""
     turns = 0.025 * np.arange(120)
     loop = switched(turns, np.where(np.arange(120) % 2, 7.0, 12.0), 3.0, start_m=SWITCHED.motion.near_stop.distance_m)
-    found = diagnose(SWITCHED, logged([loop], noise=(3e-3, 5e-6)))
+    found = ff.diagnose(SWITCHED, logged([loop], noise=(3e-3, 5e-6)))
     assert found.verdict == "nothing_missing"
     assert found.p_value > 0.01  # a record has no stage whose screw turns: finer patterns would see noise of the rates

@@ -10,7 +10,6 @@ import pytest
 
 import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.identify.add_effects import add_effects
 from femfit.identify.before_after import run_facts, suspicious_values
 from femfit.identify.remainder import COENERGY, NAME, given, likeliest_root
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
@@ -24,12 +23,6 @@ from support.closed_loop import closed_loop, recorded
 from support.one_current import flat
 
 
-def bent_load_cell(readings, rows):
-    """It reads 6 % too much at 0.3 N, in proportion to the square."""
-    force = readings["force_N"]
-    return {**readings, "force_N": force + 0.2 * force**2}
-
-
 def stray_energy(readings, rows):
     """dW' = 40 uJ/A i exp(-(d - 15 mm) / 4 mm), and nothing at the Hall element."""
     d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
@@ -38,17 +31,20 @@ def stray_energy(readings, rows):
     return {**readings, "force_N": force, "flux_linkage_Wb": flux}
 
 
+def learnt_of(model, seed, cause, effects=NAME):
+    return ff.add_effects(model, campaign(model, seed, change=cause, distances=12, currents=4), effects)
+
+
 @pytest.fixture(scope="module")
 def learnt(levitation_model):
     """Each cause learnt from three runs."""
-    causes = {"load cell": bent_load_cell, "energy": stray_energy}
 
-    def learn_from(name):
-        return add_effects(
-            levitation_model, campaign(levitation_model, 5, change=causes[name], distances=12, currents=4), NAME
-        )
+    def bent(readings, rows):
+        """It reads 6 % too much at 0.3 N, in proportion to the square."""
+        return readings | {"force_N": readings["force_N"] + 0.2 * readings["force_N"] ** 2}
 
-    return functools.cache(learn_from)
+    causes = {"load cell": bent, "energy": stray_energy}
+    return functools.cache(lambda name: learnt_of(levitation_model, 5, causes[name]))
 
 
 @pytest.mark.parametrize(
@@ -79,22 +75,20 @@ def test_the_learnt_energy_is_the_true_one(learnt, levitation_model):
     assert true_force.max() > 0.01
 
 
-def test_clean_readings_teach_nothing(levitation_model):
-    result = add_effects(levitation_model, campaign(levitation_model, 6), NAME)
+def test_clean_readings_and_records_teach_nothing(levitation_model, model, clean_record):
+    result = ff.add_effects(levitation_model, campaign(levitation_model, 6), NAME)
     assert not result.parts
     assert not result.accepted
     assert result.model.effects == ()
     assert result.to_dict()["remainder"]["parts"] == []
-
-
-def force_turned(readings, rows):
-    """The force sensor counts a pull as negative."""
-    return {**readings, "force_N": -readings["force_N"]}
+    result = ff.add_effects(model, clean_record, NAME)
+    assert not result.accepted
+    assert not result.parts or result.fall_unseen < 9.0
 
 
 def test_a_channel_whose_error_rises_on_runs_left_out_is_named_and_what_is_left_of_it_is_no_noise(levitation_model):
-    table = campaign(levitation_model, 5, change=force_turned, distances=12, currents=4)
-    result = add_effects(levitation_model, table, NAME)
+    # A force sensor that counts a pull as negative
+    result = learnt_of(levitation_model, 5, lambda readings, rows: readings | {"force_N": -readings["force_N"]})
     assert result.fall_unseen > 9.0  # over all channels the weighted error falls
     assert result.risen == ("flux_linkage_Wb",)
     assert result.objections == ("risen",)
@@ -146,7 +140,7 @@ def test_an_unusual_share_of_what_was_learnt_is_said_with_its_size(learnt):
 
 def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model):
     clean = campaign(levitation_model, 6, [hidden("hall_offset", offset_V=0.02)])
-    result = add_effects(levitation_model, clean, [NAME, "hall_offset"])
+    result = ff.add_effects(levitation_model, clean, [NAME, "hall_offset"])
     assert not result.parts
     first, *_, last = str(result).splitlines()
     assert first.startswith("Added hall_offset: the test finds nothing in what is left")
@@ -156,14 +150,10 @@ def test_effects_and_what_is_learnt_beside_them_are_one_verdict(levitation_model
 
 @pytest.mark.nightly
 def test_the_error_with_effects_and_what_is_learnt_falls_from_that_of_the_model_as_given(levitation_model):
-    table = campaign(
-        levitation_model,
-        8,
-        change=lambda readings, rows: stray_energy(readings | {"hall_V": readings["hall_V"] + 0.02}, rows),
-        distances=12,
-        currents=4,
-    )
-    result = add_effects(levitation_model, table, [NAME, "hall_offset"])
+    def both(readings, rows):
+        return stray_energy(readings | {"hall_V": readings["hall_V"] + 0.02}, rows)
+
+    result = learnt_of(levitation_model, 8, both, [NAME, "hall_offset"])
     given = {one.channel: one for one in result.fall.channels}["hall_V"]
     assert given.rms_before == pytest.approx(np.hypot(0.02, NOISE["hall_V"]), rel=0.05)
     assert given.rms_after < 1.3 * NOISE["hall_V"]
@@ -176,7 +166,7 @@ def test_a_remainder_shrinks_where_its_cause_is_found(learnt, levitation_model):
     # Learnt as a load cell's error from readings that a gain explains: beside the gain its share goes to nothing
     table = campaign(levitation_model, 9, effects=[hidden("force_gain", gain_error=0.05)])
     wrong = with_effects(levitation_model, learnt("load cell").added)
-    result = add_effects(wrong, table, "force_gain")
+    result = ff.add_effects(wrong, table, "force_gain")
     found = {one.effect.name: one.parameters for one in result.model.effects}
     assert found[NAME]["share"] < 0.3
     assert found["force_gain"]["gain_error"] == pytest.approx(0.05, abs=0.01)
@@ -215,8 +205,8 @@ def learnt_from_record(model):
     share = EffectParameter("share", bounds=(0.0, 2.0), plausible=(0.0, 1.0), description="How much of it is there.")
     carried = Carried((FieldTerm("share", coenergy=coenergy),)).effect("hidden", "Something.", [share])
     cogging = AddedEffect(carried, {"share": 1.0})
-    noise = {"distance_m": 3e-5, "current_A": 4e-3}
-    record = recorded(closed_loop(model, [cogging], runs=2, seconds=2.0, seed=5), runs=(1, 2), **noise)
+    loops = closed_loop(model, [cogging], runs=2, seconds=2.0, seed=5)
+    record = recorded(loops, runs=(1, 2), distance_m=3e-5, current_A=4e-3)
     return ff.add_effects(model, record, NAME)
 
 
@@ -229,12 +219,6 @@ def test_a_force_that_comes_and_goes_is_learnt_from_a_record(learnt_from_record)
     assert fall.after_over_noise < 1.3
     squares = learnt_from_record.filter["mean_square"]
     assert 1.0 < squares["after"] < 0.5 * squares["before"]
-
-
-def test_clean_records_teach_nothing(model, clean_record):
-    result = ff.add_effects(model, clean_record, NAME)
-    assert not result.accepted
-    assert not result.parts or result.fall_unseen < 9.0
 
 
 @pytest.mark.nightly

@@ -5,18 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from femfit.identify.bench import bench_observations
+from femfit.identify.noise.components import estimate_noise
 from femfit.identify.settings import conditions_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from support.added_effects import added as hidden
 
-__all__ = ["LARGE", "NOISE", "campaign", "hidden", "ripple", "rising", "settings", "without"]
+__all__ = ["LARGE", "NOISE", "campaign", "hidden", "noise_of", "observed", "ripple", "rising", "settings", "without"]
 
 LARGE = {"distances": 10, "currents": 7}
 """A campaign of 420 rows, where 240 say too little."""
 
 NOISE = {"force_N": 4e-4, "flux_linkage_Wb": 2e-5, "hall_V": 3e-3, "voltage_V": 3e-3}
+OF_POT = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
 
 
 def settings(model, runs=3, distances=8, currents=5):
@@ -69,6 +72,16 @@ def campaign(model, seed, effects=(), *, mount_m=20e-6, rho=0.3, noise=NOISE, ch
         rows[channel] = np.round(value / step) * step
     kept = rows[generator.random(len(rows)) > 0.02].reset_index(drop=True)
     return BenchTable(rows=kept, given=tuple(kept.columns))
+
+
+def observed(model, seed, effects=(), **options):
+    """What a campaign shows beside the model."""
+    return bench_observations(model, campaign(model, seed, effects, **options))
+
+
+def noise_of(model, table, **changes):
+    """The noise that is estimated from a table, or from one with these changes."""
+    return estimate_noise(bench_observations(model, replace(table, **changes)))
 
 
 def ripple(channel, size):

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from femfit.model.json_file import write_model
+import femfit as ff
 from femfit.trial.campaigns import diagnose_campaigns
 from femfit.trial.counts import Share, counts, judge, trial_lines
 
@@ -40,20 +40,24 @@ def test_a_name_is_alone_where_no_other_gives_the_same_readings():
     assert shares(outcomes)["One error hidden, named alone in its class", "it was called certain"] == Share(1, 2)
 
 
-def test_what_was_called_certain_and_wrong_is_counted():
-    outcome = judge(1, KEY, answer(("force_gain",), certain=True))
-    assert shares([outcome])["One error hidden", "a wrong name was called certain"] == Share(1, 1)
-    assert any("hall_offset" in line and "0/1" in line for line in trial_lines([outcome]))
+def test_what_was_called_certain_and_wrong_is_counted_and_of_a_clean_campaign_any_name_is_wrong():
+    clean = KEY | {"level": 0.0, "hidden": {}, "over_noise": {}}
+    for key, group in ((KEY, "One error hidden"), (clean, "All campaigns")):
+        outcome = judge(1, key, answer(("force_gain",), certain=True))
+        assert shares([outcome])[group, "a wrong name was called certain"] == Share(1, 1)
+        assert any("hall_offset" in line and "0/1" in line for line in trial_lines([outcome])) is (key is KEY)
 
 
 def test_a_number_of_the_drawing_is_right_by_any_of_its_key_paths():
     name = "drawing:core.z_mm[1] (final)"
     key = KEY | {"hidden": {name: 0.1}, "right": {name: ["core.z_mm[1]", "coil.z_mm[0]"]}, "group": {name: "drawing"}}
-    numbers = ("coil.z_mm[0]", "core.z_mm[0]")
-    assert judge(1, key, answer(numbers)).found == (True,)
-    assert judge(1, key, answer(("core.z_mm[0]",))).found == (False,)
     curve = key | {"right": {name: ["materials.steel.B_T"]}}
-    assert judge(1, curve, answer(("materials.steel.H_A_per_m",))).found == (True,)
+    for of, names, right in (
+        (key, ("coil.z_mm[0]", "core.z_mm[0]"), True),
+        (key, ("core.z_mm[0]",), False),
+        (curve, ("materials.steel.H_A_per_m",), True),
+    ):
+        assert judge(1, of, answer(names)).found == (right,)
 
 
 def test_what_readings_cannot_show_is_not_counted_as_missed():
@@ -62,15 +66,9 @@ def test_what_readings_cannot_show_is_not_counted_as_missed():
     assert {group for group, _ in shares([outcome])} == {"All campaigns"}
 
 
-def test_any_certain_name_of_a_clean_campaign_is_wrong():
-    clean = KEY | {"level": 0.0, "hidden": {}, "over_noise": {}}
-    wrong = judge(1, clean, answer(("force_gain",), certain=True))
-    assert shares([wrong])["All campaigns", "a wrong name was called certain"] == Share(1, 1)
-
-
 def test_a_file_that_the_diagnosis_refuses_is_an_outcome(levitation_model, tmp_path, monkeypatch):
     monkeypatch.setattr("femfit.trial.campaigns.process_pool", ThreadPoolExecutor)  # a process starts in 3 s
-    write_model(levitation_model, tmp_path / "model.json")
+    ff.write_model(levitation_model, tmp_path / "model.json")
     place = tmp_path / "campaigns" / "0001"
     place.mkdir(parents=True)
     (place / "data.csv").write_text("current_A,distance_m,colour\n1.0,0.02,3\n")

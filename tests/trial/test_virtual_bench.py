@@ -24,13 +24,13 @@ def device():
     return closed_form_device()
 
 
-def true_readings(device, settings, sizes):
+def true_readings(device, settings, **sizes):
     return read(device, settings, sizes, HIDDEN_ERRORS)
 
 
 def changed(device, name, size, **given):
     settings = conditions(**given)
-    with_it, without = true_readings(device, settings, {name: size}), true_readings(device, settings, {})
+    with_it, without = true_readings(device, settings, **{name: size}), true_readings(device, settings)
     return {channel: with_it[channel] - without[channel] for channel in without}
 
 
@@ -40,16 +40,15 @@ def test_a_weaker_magnet_attracts_the_core_less_by_twice_as_much(device):
 
 
 def test_two_percent_more_turns_are_two_percent_more_current_and_as_much_more_flux(device):
-    more = true_readings(device, conditions(), {"turns": 0.02})
-    drawn = true_readings(device, conditions(1.02), {})
+    more, drawn = true_readings(device, conditions(), turns=0.02), true_readings(device, conditions(1.02))
     np.testing.assert_allclose(more["force_N"], drawn["force_N"], rtol=1e-9)
     np.testing.assert_allclose(more["flux_linkage_Wb"], 1.02 * drawn["flux_linkage_Wb"], rtol=1e-9)
     np.testing.assert_allclose(more["voltage_V"], drawn["voltage_V"], rtol=1e-9)
 
 
 def test_a_wrong_zero_of_the_stage_moves_the_body(device):
-    moved = true_readings(device, replace(conditions(), distance=D + 1e-4), {})
-    for name, values in true_readings(device, conditions(), {"distance_offset": 1e-4}).items():
+    moved = true_readings(device, replace(conditions(), distance=D + 1e-4))
+    for name, values in true_readings(device, conditions(), distance_offset=1e-4).items():
         np.testing.assert_allclose(values, moved[name])
 
 
@@ -89,13 +88,13 @@ def test_each_error_has_the_size_that_was_asked_for(device, name):
 
 
 def test_twenty_campaigns_hold_their_shares_and_go_round_the_errors(device, tmp_path):
-    numbers = make_campaigns(device, tmp_path, 20, 1)
-    keys = [json.loads((tmp_path / "campaigns" / f"{n:04d}" / "hidden.json").read_text()) for n in numbers]
+    numbers, places = make_campaigns(device, tmp_path, 20, 1), tmp_path / "campaigns"
+    keys = [json.loads((places / f"{n:04d}" / "hidden.json").read_text()) for n in numbers]
     assert [sum(len(key["hidden"]) == count for key in keys) for count in (0, 1, 2)] == [6, 9, 5]
     assert len({name for key in keys for name in key["hidden"]}) == len(HIDDEN_ERRORS)
-    before = (tmp_path / "campaigns" / "0002" / "data.csv").read_bytes()
+    before = (places / "0002" / "data.csv").read_bytes()
     make_campaigns(device, tmp_path, 2, 1)
-    assert (tmp_path / "campaigns" / "0002" / "data.csv").read_bytes() == before
+    assert (places / "0002" / "data.csv").read_bytes() == before
 
 
 def test_a_saturating_part_keeps_its_drawn_permeability_in_small_fields(device):
@@ -107,34 +106,25 @@ def test_a_saturating_part_keeps_its_drawn_permeability_in_small_fields(device):
     assert slope < 2.0 * MU_0 * drawn.relative_permeability / 100.0
 
 
-def test_a_table_is_the_sweep_of_its_drawing_at_the_nodes_and_is_linear_in_the_current(monkeypatch, tmp_path):
-    monkeypatch.setattr("femfit.trial.field_table.LINEAR_DISTANCES", 3)
-    disc = [Region("disc", rectangle(0.0, 0.01, 0.0, 0.005), LinearMaterial("magnet", 1.05, -1.2))]
-    drawing = assembly(moving=disc, distances=(0.01, 0.03), coil=rectangle(0.008, 0.012, -0.01, -0.002), turns=100)
-    tables = solve_drawings({"drawn": drawing}, tmp_path, workers=1)
-    rows = read_sweep_table(tmp_path).rows
-    assert len(rows) == 9
-    settings = tables["drawn"].at(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy())
-    np.testing.assert_allclose(settings[0], rows["force_N"], rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(settings[1], rows["flux_linkage_Wb"], rtol=1e-9)
-
-
-def test_a_saturating_drawing_is_exact_where_it_is_measured(monkeypatch, tmp_path):
-    monkeypatch.setattr("femfit.trial.field_table.SATURATING_DISTANCES", 2)
-    monkeypatch.setattr("femfit.trial.field_table.CURRENTS", 2)
+def test_a_table_is_the_sweep_of_its_drawing_where_it_is_solved(monkeypatch, tmp_path):
+    """Linear iron at three currents; steel that saturates at those of the bench, beyond which it is refused."""
+    for name, few in (("LINEAR_DISTANCES", 3), ("SATURATING_DISTANCES", 2), ("CURRENTS", 2)):
+        monkeypatch.setattr(f"femfit.trial.field_table.{name}", few)
     h = np.array([0.0, 100.0, 400.0, 2000.0, 1e5])
     steel = NonlinearMaterial("steel", tuple((4e-7 * np.pi * h + 1.6 * np.tanh(h / 300.0)).tolist()), tuple(h.tolist()))
-    drawing = assembly(
-        moving=[Region("disc", rectangle(0.0, 0.01, 0.0, 0.005), steel)], distances=(0.004, 0.01),
-        coil=rectangle(0.008, 0.012, -0.01, -0.002), turns=2000,
-    )  # fmt: skip
-    table = solve_drawings({"drawn": drawing}, tmp_path, workers=1)["drawn"]
-    rows = read_sweep_table(tmp_path).rows
+    magnet = LinearMaterial("magnet", 1.05, -1.2)
+    for material, distances, turns in ((magnet, (0.01, 0.03), 100), (steel, (0.004, 0.01), 2000)):
+        disc = [Region("disc", rectangle(0.0, 0.01, 0.0, 0.005), material)]
+        coil = rectangle(0.008, 0.012, -0.01, -0.002)
+        drawing = assembly(moving=disc, distances=distances, coil=coil, turns=turns)
+        table = solve_drawings({"drawn": drawing}, tmp_path / material.name, workers=1)["drawn"]
+        rows = read_sweep_table(tmp_path / material.name).rows
+        d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
+        force, flux, _ = table.at(d, i)
+        np.testing.assert_allclose(force, rows["force_N"], rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(flux, rows["flux_linkage_Wb"], rtol=1e-9, atol=1e-12)
+        assert len(rows) == (9 if material is magnet else 8)
     assert table.currents == pytest.approx((-0.05, 0.0, 1.0, 1.05))
-    d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
-    settings = table.at(d, i)
-    np.testing.assert_allclose(settings[0], rows["force_N"], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(settings[1], rows["flux_linkage_Wb"], rtol=1e-9, atol=1e-12)
     with pytest.raises(DomainError, match=r"-0.05 to 1.05 A"):
         table.at(d[:1], np.array([1.1]))
 
@@ -163,9 +153,8 @@ def test_the_fall_is_that_of_the_whole_covariance():
         for meter in meters.values()
     ]
     covariance = np.block([[blocks[0], np.zeros((n, n))], [np.zeros((n, n)), blocks[1]]])
-    stacked, both = np.concatenate([slope[name] for name in meters]), np.tile(run, 2)
+    stacked, present, delta = (np.concatenate([by[name] for name in meters]) for by in (slope, read, change))
+    both, delta = np.tile(run, 2), delta[present]
     covariance += mount_m**2 * np.outer(stacked, stacked) * (both[:, None] == both)
-    present = np.concatenate([read[name] for name in meters])
-    delta = np.concatenate([change[name] for name in meters])[present]
     expected = delta @ np.linalg.solve(covariance[np.ix_(present, present)], delta)
     assert expected_fall(change, slope, read, meters, run, mount_m) == pytest.approx(expected)

@@ -5,7 +5,6 @@ The bench, the diagnosis of the files and the judgement are those of ``femfit tr
 
 import json
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from femfit.trial.campaigns import write_campaign
 from femfit.trial.counts import Count, Outcome, Share, is_shown, right_names, says, trial_lines
 from femfit.trial.virtual_bench import LEVELS, Campaign, make_campaign
 from support.trial.sets import SETS
-from support.trial.truth import Group, PassingError
+from support.trial.truth import GROUPS, PassingError
 
 _TURN = (
     (), ("catalogue",), ("drawing",), ("catalogue",), (), ("when",), ("catalogue", "catalogue"), ("unseen",),
@@ -33,7 +32,7 @@ DECLARED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class SetCampaign:
-    """What was measured of a set's truths, with what habits (how much, in which order, whether noise is declared)."""
+    """What was measured of a set's truths, and with what habits."""
 
     number: int
     campaign: Campaign
@@ -66,24 +65,17 @@ def measured_campaigns(device, cases, seed, truths):
             rows = rows.iloc[rng.permutation(len(rows))].reset_index(drop=True)
         if order.endswith("not written"):
             rows = rows.drop(columns="order")
+        own = {name: [name.partition(" (")[0]] for name in errors}
+        passing = {name: error for name, error in errors.items() if isinstance(error, PassingError)}
         key = {
             "set": truths.name,
-            "when": _runs_of(errors, campaign.runs),
+            "when": {name: error.course(campaign.runs) for name, error in passing.items() if campaign.runs > 1},
             "habits": {"extent": extent, "order": order, "noise_declared": declares},
             "group": {name: truths.truths[name].group for name in errors},
-            "right": {
-                name: [name.partition(" (")[0]] if error.names is None else list(error.names)
-                for name, error in errors.items()
-            },
+            "right": {name: own[name] if e.names is None else list(e.names) for name, e in errors.items()},
         }
         declared = {name: meter.sigma for name, meter in campaign.meters.items() if declares}
         yield SetCampaign(number, replace(campaign, rows=rows), key, declared)
-
-
-def _runs_of(errors, runs):
-    """First and last run, from 1, of each error that does not act in all of them."""
-    passing = {name: error for name, error in errors.items() if isinstance(error, PassingError)}
-    return {name: error.course(runs) for name, error in passing.items() if runs > 1}
 
 
 def _orders(truths, cases, seed):
@@ -138,7 +130,7 @@ def read_judged(directory, outcomes):
 def set_lines(judgements):
     """What ``femfit trial`` counts, of all campaigns but causes without a name, and of each group of single errors."""
     groups = {"all but a cause without a name": [each.outcome for each in judgements if each.groups != ("unseen",)]}
-    for group in get_args(Group):
+    for group in GROUPS:
         groups[group] = [each.outcome for each in judgements if each.groups == (group,)]
     lines = []
     for name, members in groups.items():

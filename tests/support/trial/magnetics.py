@@ -109,10 +109,7 @@ def saturating(name, law):
 
 
 def outer_field():
-    """A uniform field along the axis: on the Hall element, in linear iron, through the winding.
-
-    Soft iron in an outer field B_0 is magnetised as if it had the remanence (mu_r - 1) B_0.
-    """
+    """A uniform field B_0 along the axis, which magnetises soft iron as a remanence (mu_r - 1) B_0 would."""
 
     def fields(device, size, settings):
         r, _ = np.array(device.actuator.coil.vertices_m).T

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from femfit.trial.field_table import HiddenError
-from support.trial.truth import Truth, always, bent, needing, of_force, of_reading, place
+from support.trial.truth import Truth, always, bent, needing, of_force, of_reading, place, travel
 
 
 def stop(law):
     """Contact before the end: a round ``ball`` by Hertz (power 3/2), a ``flat`` stop, or ``rubber`` at the far end."""
 
     def build(device, rng):
-        low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
+        low, high = travel(device)
         reach = float(rng.uniform(0.1, 0.3)) * (high - low)
 
         def push(_, settings, __):
@@ -91,7 +91,7 @@ def screw(law):
     """A leadscrew whose error comes back with every turn, as a ``sine``, a ``saw`` or of ``two gears``: unseen."""
 
     def build(device, rng):
-        low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
+        low, high = travel(device)
         # Some turns within the travel: a finer screw is noise to a table of 8 to 24 distances
         turns, phase = float(rng.uniform(2.0, 5.0)), float(rng.uniform(0.0, 1.0))
 

@@ -24,10 +24,7 @@ _FAMILY = "memory"
 
 
 def hysteresis(law):
-    """A loop between rising and falling currents, from a demagnetised core or after cycles before each run.
-
-    By ``jiles-atherton``, ``normal relays`` or ``lorentzian relays``.
-    """
+    """A loop by ``jiles-atherton`` or ``normal`` or ``lorentzian relays``, demagnetised or cycled before each run."""
 
     def build(device, rng):
         coercive, second, third = (float(x) for x in rng.uniform([0.08, 0.2, 0.3], [0.25, 0.5, 0.6]))
@@ -65,8 +62,7 @@ def kept_flux(bend):
 def _magnetised(device, memory, settings):
     """What the memory of the core, -1 to 1 times its size, adds to the fields.
 
-    A linear core has it as a remanence in T along the winding's flux, which is solved. Iron with a curve has it as
-    further ampere turns, a part of the largest: its remanence over the same path.
+    Of a linear core a remanence in T, which is solved; of iron with a curve a part of the largest ampere-turns.
     """
     if _FAMILY in device.families:
         return device.change(_FAMILY, memory, settings)
@@ -92,10 +88,7 @@ class Relays:
         return result
 
     def irreversible(self, history):
-        """What hysteresis adds along a history to the anhysteretic magnetisation.
-
-        The latter remains after a slowly decaying alternation about a value: each relay's centre decides.
-        """
+        """What hysteresis adds along a history to the anhysteretic magnetisation, where each centre decides."""
         return self.output(history) - np.sign(history[:, None] - self.centre).mean(axis=1)
 
 

@@ -1,10 +1,8 @@
 """A moving part beside the axis: a magnet in three dimensions, a plunger by its eccentric gap.
 
-The magnet is two discs of magnetic charge. The core is so permeable that its scalar potential is constant: rings of
-charge inside it (their density a Fourier series in the angle) are chosen so that they cancel the magnet's potential on
-the core's surface, order by order. The energy of the magnet in their field, and the flux of the coil through it, are
-functions of distance and displacement; only their ratios to the values on the axis are used, by which the solved fields
-of the drawing are multiplied. They are solved at four offsets; between them the change over the squared offset is a
+The magnet is two discs of magnetic charge, the core an equipotential: rings of charge inside it, a Fourier series in
+the angle, cancel the magnet's potential on its surface. The solved fields of the drawing are multiplied by the ratios
+of energy and flux to those on the axis, at four offsets; between them the change over the squared offset is a
 polynomial of it.
 
 References
@@ -108,8 +106,7 @@ def plunger_bore(actuator):
 def _drawings(actuator):
     """A plunger that lies off the axis of its bore, as the coaxial gap of the same permeance.
 
-    Between two cylinders of radii a < b whose axes are c apart the permeance is 2 pi / arccosh((a^2 + b^2 - c^2) /
-    (2 a b)) per length, which is ln(b / a) in place of the arccosh where c = 0.
+    Per length it is 2 pi / arccosh((a^2 + b^2 - c^2) / (2 a b)) of cylinders of radii a < b with axes c apart.
     """
     if (found := plunger_bore(actuator)) is None:
         return {}
@@ -171,11 +168,10 @@ def core_of(actuator):
 
 @lru_cache(maxsize=4)
 def displaced(actuator, offset, distances, count=15):
-    """Change of the readings of a magnet that is displaced sideways by ``offset`` in m over a range of distances.
+    """Relative change of readings by a magnet's sideways ``offset``, over its square, at ``log_distance``.
 
-    Relative, over the displacement squared, in 1/m^2, at ``log_distance``: of the current-free force (``passive``), of
-    the force per ampere and the flux linkage's slope (``coil``), of the field at the Hall element, and of the magnet's
-    flux linkage itself.
+    Of the current-free force (``passive``), of the force per ampere (``coil``), of the field at the Hall element, and
+    of the magnet's flux linkage.
     """
     core, d = core_of(actuator), np.geomspace(*distances, count)
 
@@ -231,11 +227,7 @@ def magnet_charges(actuator, distance, offset):
 
 
 def coil_flux(actuator, core, distance, offset):
-    """Flux of the coil through the magnets, up to a factor.
-
-    Ampere's law makes the surface potential of a very permeable core rise by the ampere-turns along the winding and
-    stay constant beyond it.
-    """
+    """Flux of the coil through the magnets, up to a factor: the core's potential rises along the winding alone."""
     charge, point = magnet_charges(actuator, distance, offset)
     z = np.array(actuator.coil.vertices_m)[:, 1]
     density = core.density(np.clip((core.surface[:, 1] - z.min()) / np.ptp(z), 0.0, 1.0), 0)

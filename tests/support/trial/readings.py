@@ -4,11 +4,13 @@ Warmth acts as the ``thermometer`` says, more ``hot inside``, or ``late``.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from femfit.device.parts import REFERENCE_TEMPERATURE
 from femfit.trial.field_table import HiddenError
+from support.trial.magnetics import remanence_drawings
 from support.trial.truth import (
     BY_CURRENT,
     FIELD,
@@ -154,10 +156,10 @@ def winding(law):
     return always(of_reading("voltage_V", 1.3, drop, one_way=True))
 
 
-def magnets(family, drawings, law):
+def magnets(how, law):
     """Magnets that weaken as they warm: a curve of neodymium, a line of ferrite, or neodymium behind its thermometer.
 
-    The family holds the fields by the relative change of the remanence.
+    The fields are those of magnets that are weaker in a way of ``remanence_drawings``.
     """
 
     def build(device, rng):
@@ -167,11 +169,11 @@ def magnets(family, drawings, law):
         def fields(device, size, settings):
             rise = settings.magnet_C - REFERENCE_TEMPERATURE
             rise = lagged(rise, settings, lag) if law == "late" else rise
-            return device.change(family, abs(size) * (slope * rise + bend * rise**2), settings)
+            return device.change(f"remanence-{how}", abs(size) * (slope * rise + bend * rise**2), settings)
 
         return HiddenError(lambda device: 2.5, FIELD, fields=fields)
 
-    return Truth(build, lacks=needing_magnet, families=drawings)
+    return Truth(build, lacks=needing_magnet, families=partial(remanence_drawings, how=how))
 
 
 def hall_element(law):

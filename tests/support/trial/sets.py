@@ -1,12 +1,7 @@
 """Three disjoint sets of truths: to calibrate a decision, to develop it, and for the final table.
 
-Each truth belongs to one set. The effects of the catalogue are in all three, realised by other physics or settings in
-each.
-
-The numbers of a drawing are dealt out to them, solved anew for any drawing of one coil: each face, with what touches
-it, the Hall element's height, each permeability of iron without a curve, and the polarisation of each curve. A face
-moves by up to a 25th of its part's extent, less where parts would overlap, and only one way where the other cannot be
-built.
+The effects of the catalogue are in all three, realised by other physics or settings in each; the numbers of a drawing
+of one coil are dealt out to them and solved anew.
 """
 
 import re
@@ -14,6 +9,7 @@ import zlib
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import takewhile
 
 import numpy as np
 
@@ -52,12 +48,7 @@ _TRUTHS = {
     "hysteresis": (memory.hysteresis, ("normal relays", "jiles-atherton", "lorentzian relays")),
     "core_remanence": (memory.kept_flux, _BENDS),
     "coil_temperature": (readings.winding, _WARMTH),
-    "magnet_temperature": (
-        lambda laws: readings.magnets(
-            f"remanence-{laws[0]}", partial(magnetics.remanence_drawings, how=laws[0]), laws[1]
-        ),
-        tuple(zip(_MAGNETS, _WARMTH, strict=True)),
-    ),
+    "magnet_temperature": (lambda laws: readings.magnets(*laws), tuple(zip(_MAGNETS, _WARMTH, strict=True))),
     "hall_temperature": (readings.hall_element, _WARMTH),
     "hall_saturation": (readings.hall_saturation, ("tanh", "power", "knee")),
     "hall_drift": (partial(readings.drift, "hall_V"), _DRIFT),
@@ -106,22 +97,21 @@ class TruthSet:
 
 def prepare_set(drawing, device, directory, set_name, *, workers, progress=None):
     """Solve the changed drawings of a set's truths; the device with their fields, and the truths that it can show."""
-    families, possible, left_out = dict(device.families), {}, {}
-    for name, truth in truths_of(drawing, set_name).items():
-        reason = truth.lacks(device.actuator)
+    truths, families, left_out = truths_of(drawing, set_name), dict(device.families), {}
+    for name, truth in truths.items():
+        if reason := truth.lacks(device.actuator):
+            left_out[name] = reason
+            continue
         try:
-            for family, forms in () if reason else truth.families(device.actuator).items():
+            for family, forms in truth.families(device.actuator).items():
                 if family not in families:
                     subdirectory = directory / "truths" / re.sub(r"[^\w.-]+", "_", family)
                     drawings = {f"{change:+.6g}": form for change, form in forms.items()}
                     tables = solve_drawings(drawings, subdirectory, workers=workers, progress=progress)
                     families[family] = dict(zip(forms, tables.values(), strict=True))
         except FieldSolverError as error:
-            reason = str(error)
-        if reason:
-            left_out[name] = reason
-        else:
-            possible[name] = truth
+            left_out[name] = str(error)
+    possible = {name: truth for name, truth in truths.items() if name not in left_out}
     return replace(device, families=families), TruthSet(set_name, possible, left_out)
 
 
@@ -238,9 +228,7 @@ def _numbers(data, actuator):
 def _extent(data, location):
     """Of the part that a coordinate belongs to, along its axis, in mm."""
     outline = data
-    for key in location:
-        if isinstance(key, int):
-            break
+    for key in takewhile(lambda key: not isinstance(key, int), location):
         outline = outline[key]
     if "circle_mm" in location:
         return float(outline[2])

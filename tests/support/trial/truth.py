@@ -1,21 +1,16 @@
 """What a truth is: one way in which a device or its bench may be wrong, which belongs to exactly one set."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import partial
 
 import numpy as np
 
-from femfit.device.parts import Actuator
 from femfit.trial.field_table import HiddenError
 from femfit.trial.hidden import is_magnet
 
-Group = Literal["catalogue", "drawing", "when", "unseen"]
-"""An effect of the catalogue by other physics; a number of the drawing; an effect that begins or ends in the campaign;
-a cause that no catalogue has."""
-
-Drawings = Mapping[str, Mapping[float, Actuator]]
-"""Changed drawings by family and the number p of the change."""
+GROUPS = ("catalogue", "drawing", "when", "unseen")
+"""An effect by other physics; a number of the drawing; an error of some runs; a cause that no catalogue has."""
 
 FIELD = ("force_N", "flux_linkage_Wb", "hall_V")
 BY_CURRENT = ("flux_linkage_Wb", "voltage_V", "force_N")
@@ -39,9 +34,9 @@ class Truth:
     """One way of being wrong; it is built for a device with a random generator."""
 
     build: Callable
-    group: Group = "catalogue"
-    lacks: Callable[[Actuator], str] = lambda drawn: ""  # What the drawing lacks to show it; empty for nothing
-    families: Callable[[Actuator], Drawings] = lambda drawn: {}  # Changed drawings, which are solved for it
+    group: str = "catalogue"
+    lacks: Callable = lambda drawn: ""  # What the drawing lacks to show it; empty for nothing
+    families: Callable = lambda drawn: {}  # Changed drawings, which are solved, by family and number p of the change
 
 
 def always(error, group="catalogue", **more):
@@ -61,18 +56,21 @@ needing_magnet = needing("magnet", lambda drawn: any(map(is_magnet, drawn.region
 def of_reading(channel, limit, form, *, one_way=False, names=None):
     """An error that adds its size, or the magnitude of that, times ``form(device, settings, values)`` to a channel."""
 
-    def reading(device, size, settings, values):
-        size = abs(size) if one_way else size
-        return {channel: values[channel] + size * form(device, settings, values)}
+    sized, largest = abs if one_way else float, limit if callable(limit) else lambda _: limit
 
-    return HiddenError(limit if callable(limit) else lambda _: limit, (channel,), reading=reading, names=names)
+    def reading(device, size, settings, values):
+        return {channel: values[channel] + sized(size) * form(device, settings, values)}
+
+    return HiddenError(largest, (channel,), reading=reading, names=names)
 
 
 def of_family(family, limit, channels=FIELD, *, one_way=True, names=None):
     """An error that is solved as the change of a family of drawings."""
 
+    sized = abs if one_way else float
+
     def fields(device, size, settings):
-        return device.change(family, abs(size) if one_way else size, settings)
+        return device.change(family, sized(size), settings)
 
     return HiddenError(lambda _: limit, channels, fields=fields, names=names)
 
@@ -87,9 +85,14 @@ def bent(x, bend):
     return 1.0 + BEND * bend(x)
 
 
+def travel(device):
+    """First and last distance of the sweep."""
+    return device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
+
+
 def place(device, settings):
     """Distances between -1 and 1 of the sweep's range."""
-    low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
+    low, high = travel(device)
     return (2.0 * settings.distance - low - high) / (high - low)
 
 
@@ -98,9 +101,7 @@ def only_in_some_runs(truth, name, shape):
 
     def build(device, rng):
         error, share, length = truth.build(device, rng), float(rng.uniform()), float(rng.uniform())
-
-        def course(runs):
-            return _acting(shape, runs, share, length)
+        course = partial(_acting, shape, share, length)
 
         def acts(settings):
             first, last = course(int(settings.run.max()) + 1)
@@ -126,7 +127,7 @@ def only_in_some_runs(truth, name, shape):
     return Truth(build, "when", truth.lacks, truth.families)
 
 
-def _acting(shape, runs, share, length):
+def _acting(shape, share, length, runs):
     """First and last run, from 1, of at least two runs: the error is away in at least one."""
     if runs < 2:
         return 1, 1
