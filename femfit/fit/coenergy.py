@@ -10,12 +10,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
+from femfit.core.results import listing
 from femfit.fit.basis import CoenergyBasis
 from femfit.fit.bounded_qp import BoundedQP, Inequalities, QPSolution
 from femfit.fit.coenergy_choice import choose_basis
-from femfit.fit.coenergy_system import coenergy_system, held_out_masks
-from femfit.fit.constants import ALLOWED_VIOLATION, KEPT_INDUCTANCE, SHAPE_POINTS, U_DEGREE
+from femfit.fit.coenergy_system import CoenergySystem, coenergy_system, held_out_masks
+from femfit.fit.constants import ALLOWED_VIOLATION, CONTRADICTION, KEPT_INDUCTANCE, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.hall import HallSpline
@@ -63,6 +65,8 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
     names = tuple(obeyed_shapes(rows))
     system = coenergy_system(rows)
     basis, held_out = choose_basis(rows, system)
+    left_out = replace(system, folds=held_out_masks(rows, ends=True)).left_out_errors(basis)
+    _require_one_table(system, left_out)
     matrix, value, sigma = system.equations(basis)
     keep = system.determined(basis)
     shape = _shape_inequalities(basis, rows, names)
@@ -82,7 +86,7 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
     origin = np.array([[np.clip(0.0, rows.currents[0], rows.currents[-1])]])
     offset = magnetics.coenergy(rows.distances[-1:], origin)
     magnetics = with_coefficients(magnetics, coefficients - offset)
-    errors = _errors(rows, magnetics, replace(system, folds=held_out_masks(rows, ends=True)).left_out_errors(basis))
+    errors = _errors(rows, magnetics, left_out)
     return CoenergyFit(
         magnetics=magnetics,
         basis=basis,
@@ -93,6 +97,20 @@ def fit_coenergy(rows: FitRows, open_inductance_H: float = 0.0) -> CoenergyFit:
         active=active,
         qp=qp,
     )
+
+
+def _require_one_table(system: CoenergySystem, left_out: Sequence[FloatArray]) -> None:
+    """Refuse a value beside which the rows predict each other far beyond all other values: shapes have no room then."""
+    for channel, errors in zip(system.channels, left_out, strict=True):
+        worst = int(np.argmax(np.abs(channel.value)))
+        value, others = channel.value[worst], float(np.abs(np.delete(channel.value, worst)).max(initial=0.0))
+        if errors.max() > CONTRADICTION * others > 0.0:
+            distance, currents = (settings[channel.which[worst]] for settings in (system.distance, system.currents))
+            column, amperes = ("force_N", "flux_linkage_Wb", "inductance_H")[len(channel.circuits)], listing(currents)
+            raise TableError(
+                f"{column} at {1e3 * distance:g} mm and {amperes} A is {value:g}, and its neighbours contradict it; "
+                f"all others are within {others:g}. Correct the cell, or remove the row."
+            )
 
 
 def _errors(

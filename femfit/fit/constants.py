@@ -46,6 +46,9 @@ DOMAIN_GRID = (101, 101, 5)
 """Numerical: distances, currents, and currents of each of several circuits, at which what is said of all of a model's
 validity domain is evaluated."""
 
+CONTRADICTION = 10.0
+"""Assumed: times a column's second largest value by which rows may miss each other, where one is larger."""
+
 # The basis of a co-energy and of a Hall characteristic
 
 U_DEGREE = 4

@@ -54,6 +54,10 @@ UNUSABLE = [
     (one_table(lambda r: r.assign(distance_m=1e3 * r["distance_m"])), "distance_m seems to be in mm"),
     (one_table(lambda r: r.iloc[[*range(len(r)), 0]]), "1 repeat another, the first at 0 A and 15 mm"),
     (one_table(lambda r: r.assign(status="failed")), "none among its 488"),
+    (
+        one_table(lambda r: r.assign(flux_linkage_Wb=r["flux_linkage_Wb"] * np.where(r.index == 99, 1e3, 1.0))),
+        "flux_linkage_Wb at .* neighbours contradict it",
+    ),
     # Of several circuits: the same, and each one's flux linkage
     (lambda: changed(lambda r: r.drop(columns="flux_linkage_upper_Wb"), table_of()), "flux_linkage_upper_Wb missing"),
     (lambda: changed(lambda r: r.iloc[[*range(len(r)), 4]], table_of()), "1 repeat another, the first at 0 A, 0 A"),
