@@ -125,7 +125,6 @@ DENSEST = math.pi / math.sqrt(12.0)
 class WindingHeat:
     """What a winding's wire makes of its section."""
 
-    copper_share: float
     conductivity_W_per_m_K: float  # Across the strands
     heat_capacity_J_per_K: float
     cold_ohm: float  # Resistance at 20 degC
@@ -145,7 +144,7 @@ def winding_heat(coil: Coil, insulation: float) -> WindingHeat:
     across = insulation * ((1.0 + share) * metal + (1.0 - share) * insulation)
     across /= (1.0 - share) * metal + (1.0 + share) * insulation
     capacity = (share * METAL_CAPACITY + (1.0 - share) * FILLER_CAPACITY) * section.area * turn
-    return WindingHeat(share, across, capacity, cold)
+    return WindingHeat(across, capacity, cold)
 
 
 def stars(coil: Coil, conductivity: float) -> FloatArray:

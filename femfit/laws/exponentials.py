@@ -72,5 +72,4 @@ MOVING_COIL = ForceLaw(
     column_operations=HIGHEST - 1,
     reference="W. Klippel, J. Audio Eng. Soc. 54 (2006) 907, section 1 (Bl(x), L(x) and the reluctance force)",
     passes_face=True,
-    decays=False,
 )

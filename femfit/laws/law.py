@@ -71,7 +71,6 @@ class ForceLaw:
     shape: tuple[ShapeParameter, ...] = ()  # Parameters that enter nonlinearly; empty for most laws
     nonnegative: tuple[bool, ...] = field(default=())  # Which coefficients are bounded below by zero at each current
     passes_face: bool = False  # Whether the columns are finite at all distances, zero and below included
-    decays: bool = True  # Whether the columns are positive and vanish at infinity
 
     def columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
         """The columns phi at distances (n,) in m, of shape (n, k)."""
@@ -80,11 +79,6 @@ class ForceLaw:
     def potential_columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
         """Their integrals Phi at distances (n,) in m, of shape (n, k)."""
         return np.stack(self.potentials(distance, shape), axis=-1)
-
-    @property
-    def operations(self) -> int:
-        """Floating-point operations of one evaluation of F(d, i) with affine coefficient functions."""
-        return self.operations_with([(0, 1)] * len(self.basis))
 
     def operations_with(self, powers: Sequence[Sequence[int]]) -> int:
         """Floating-point operations of F(d, i) with given coefficient functions, by Horner's rule.
