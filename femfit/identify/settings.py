@@ -144,19 +144,20 @@ def setting_cells(observations: Observations) -> IntArray:
 
     Readings of one channel with the same number are repeats.
     """
-    keys: dict[str, Any] = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
+    keys: dict[str, Any] = {name: levels(observations.setting(name)) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
 
 
-def levels(x: FloatArray, share: float) -> IntArray:
-    """Numbers of the levels that a setting was brought to, each as wide as a part of the setting's range.
+def levels(x: FloatArray) -> IntArray:
+    """Numbers of the levels that a setting was brought to, each as wide as :data:`SAME_SETTING` of the setting's range.
 
     A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
     changes over that distance.
     """
     values, place = np.unique(x, return_inverse=True)
-    return _groups_within(values[:, None], np.array([share * np.ptp(x)]), np.zeros(len(values), dtype=bool))[place]
+    near = np.array([SAME_SETTING * np.ptp(x)])
+    return _groups_within(values[:, None], near, np.zeros(len(values), dtype=bool))[place]
 
 
 def _groups_within(values: FloatArray, near: FloatArray, begins: BoolArray) -> IntArray:

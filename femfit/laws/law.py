@@ -23,18 +23,19 @@ from femfit.core.numerics import FloatArray
 
 @dataclass(frozen=True)
 class ShapeParameter:
-    """A parameter of a law's columns that does not enter linearly."""
+    """A length of a law's columns that does not enter linearly, in m; at most :data:`LONGEST_M`."""
 
     name: str
-    unit: str
     lower: float
-    upper: float
     start: float
     description: str
 
 
 Columns = Callable[[Any, Mapping[str, Any]], tuple[Any, ...]]
 """(d, shape parameters) -> a value of each column, of arrays and of expressions."""
+
+LONGEST_M = 0.3
+"""Conventional: no shape parameter of a law is longer."""
 
 STEP = 1e-30
 """Numerical: of a complex distance, whose imaginary part carries the derivative of Phi to rounding."""

@@ -19,7 +19,6 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import SAME_SETTING
 from femfit.identify.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.patterns import own_misfit_columns
 from femfit.identify.settings import levels, setting_cells
@@ -59,7 +58,7 @@ def sequence(observations: Observations) -> FloatArray:
     table = observations.covariates
     falling = (table["branch"] < 0.0).to_numpy()
     currents = [np.where(falling, -1.0, 1.0) * table[name].to_numpy() for name in observations.settings[1:]]
-    scan = np.lexsort((*currents, falling, levels(table["distance_m"].to_numpy(), SAME_SETTING), table["run"]))
+    scan = np.lexsort((*currents, falling, levels(table["distance_m"].to_numpy()), table["run"]))
     place = np.zeros(len(table))
     place[scan] = np.arange(len(table), dtype=np.float64)
     return place[observations.row]
