@@ -18,8 +18,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias, TypeVar, cast
-from weakref import WeakKeyDictionary
+from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -27,6 +26,7 @@ from casadi import SX
 
 from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
+from femfit.core.results import kept
 from femfit.core.tape import Caller, Tape
 
 Made = TypeVar("Made")
@@ -219,17 +219,14 @@ def _bound(expressions: Sequence[SX]) -> list[SX]:
     return bound
 
 
-_MADE: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
-"""What :func:`once` made, as long as its owner lives; nothing of it refers to the owner."""
-
-
 def once(owner: Any, key: Hashable, make: Callable[[], Made]) -> Made:
-    """What is made for an owner under a key, within :func:`building` where it is not there; no pickle of it has it."""
-    made = _MADE.setdefault(owner, {})
-    if key not in made:
+    """What is :func:`kept` with an owner under a key, made within :func:`building`."""
+
+    def built() -> Made:
         with building():
-            made[key] = make()
-    return cast("Made", made[key])
+            return make()
+
+    return kept(owner, key, built)
 
 
 class GraphFunction:
