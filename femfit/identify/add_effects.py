@@ -12,6 +12,7 @@ from femfit.core.errors import TableError, UsageError
 from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
+from femfit.effects.conditions import TEMPERATURES
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.before_after import AddResult, fit_facts, of_last_run, run_facts, suspicious_values, unseen_error
 from femfit.identify.bench import measurement_of, placed
@@ -22,7 +23,7 @@ from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.observations import TEMPERATURES, Observations
+from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, Start, refit, starting_point
 from femfit.identify.remainder import NAME as UNEXPLAINED
 from femfit.identify.remainder import learn_remainder

@@ -16,9 +16,10 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import BoolArray, FloatArray, first_best
+from femfit.effects.conditions import TEMPERATURES
 from femfit.identify.constants import BEYOND_NOISE, COARSE, COVARIATE_SHARE, LEAST_READINGS, LEFT_BY_SHARE, SAME_SHARE
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.observations import TEMPERATURES, Observations
+from femfit.identify.observations import Observations
 from femfit.identify.patterns import Patterns, orthonormal_basis, smooth_patterns
 from femfit.identify.signatures import ROUNDED
 from femfit.identify.words import sentence

@@ -16,13 +16,13 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.effects.conditions import Conditions
+from femfit.effects.conditions import TEMPERATURES, Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.ranking import is_coarse
 from femfit.fit.words import note
 from femfit.identify.constants import LEVEL, OWN_MISFIT, WITHIN_NOISE
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
-from femfit.identify.observations import TEMPERATURES, Observations
+from femfit.identify.observations import Observations
 from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel

@@ -15,13 +15,10 @@ import pandas as pd
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding, kept
 from femfit.core.sweep_columns import is_current
-from femfit.effects.conditions import Nominal
+from femfit.effects.conditions import TEMPERATURES, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
-
-TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
-"""Covariates of what may be warm; NaN where it was not recorded."""
 
 VOLTAGE_BALANCE = "voltage_balance"
 """How the channel of a circuit's voltage in a record begins; ``voltage_balance_V``, or ``voltage_balance_upper_V``."""

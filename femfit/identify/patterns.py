@@ -19,8 +19,9 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from femfit.core.numerics import FloatArray, IntArray, even_scale
+from femfit.effects.conditions import TEMPERATURES
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
-from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, Observations, once_for_settings
+from femfit.identify.observations import VOLTAGE_BALANCE, Observations, once_for_settings
 
 
 @dataclass(frozen=True, eq=False)

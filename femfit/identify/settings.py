@@ -24,10 +24,10 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, robust_deviation
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.effects.catalogue import all_effects
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import TEMPERATURES, Conditions, Nominal
 from femfit.estimate.record import converter_step
 from femfit.identify.constants import IN_ORDER, LEAST_REPEATS, MOST_DROPPED, MOST_ROWS, SAME_LINE, SAME_SETTING, SHORT
-from femfit.identify.observations import TEMPERATURES, Observations, circumstances, once_for_settings
+from femfit.identify.observations import Observations, circumstances, once_for_settings
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
