@@ -255,13 +255,14 @@ class GraphFunction:
     @cached_property
     def stages(self) -> list[tuple[Tape, list[_Row]]]:
         """Tapes of the rows' coordinates, level by level, and of the output."""
-        stages, variables, rest = [], list(self.inputs), list(self.rows)
-        needed = {id(row): _symbols_in(row.coordinates) for row in rest}
-        while rest:
-            waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
-            ready = [row for row in rest if not needed[id(row)] & waiting]
+        stages, variables, remaining = [], list(self.inputs), list(self.rows)
+        needed = {id(row): _symbols_in(row.coordinates) for row in remaining}
+        while remaining:
+            waiting = set().union(*(_symbols_in(row.symbol) for row in remaining))
+            ready = [row for row in remaining if not needed[id(row)] & waiting]
             stages.append((Tape(variables, ca.vertcat(*(row.coordinates for row in ready))), ready))
-            variables, rest = [*variables, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
+            variables = [*variables, *(row.symbol for row in ready)]
+            remaining = [row for row in remaining if row not in ready]
         return [*stages, (Tape(variables, self.output), [])]
 
     def _of_a_point(self, few_cells: int = FEW_CELLS) -> ca.Function:

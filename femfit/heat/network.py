@@ -256,16 +256,16 @@ def _outside(count: int, faces: Faces, resistance: FloatArray, around: Surroundi
     def nodes(parts: IntArray, sides: IntArray) -> IntArray:
         return np.where(parts < count, n + 1 + OWN * parts + sides, parts)
 
-    here, there = nodes(source, faces.side), nodes(facing, faces.side ^ 1)
+    inner_node, outer_node = nodes(source, faces.side), nodes(facing, faces.side ^ 1)
     free = facing == OPEN
     film = faces.area / (1.0 / around.film_W_per_m2_K + resistance[source])
-    np.add.at(joined, (here[free], n), film[free])
+    np.add.at(joined, (inner_node[free], n), film[free])
     joint = np.where(np.minimum(source, facing) < count, around.winding_joint_m, around.joint_m)
     crossed = np.maximum(faces.gap, joint) / AIR_CONDUCTIVITY + resistance[source] + resistance[facing]
     # Of a winding and another part the winding's faces count, of others those of both sides
     alike = (source < count) == (facing < count)
     met = (facing >= 0) & (alike | (source < count))
-    np.add.at(joined, (here[met], there[met]), (np.where(alike, 0.5, 1.0) * faces.area / crossed)[met])
+    np.add.at(joined, (inner_node[met], outer_node[met]), (np.where(alike, 0.5, 1.0) * faces.area / crossed)[met])
     return joined + joined.T
 
 

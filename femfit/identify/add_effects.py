@@ -75,8 +75,8 @@ def add_effects(
     --------
     >>> model = ff.read_model("model.json")
     >>> better = ff.add_effects(model, "bench.csv", ["coil_temperature", "core_saturation"])
-    >>> for one in better.fall.channels:
-    ...     print(f"{one.channel}: {one.before_over_noise:.1f} -> {one.after_over_noise:.1f} times the noise")
+    >>> for fall in better.fall.channels:
+    ...     print(f"{fall.channel}: {fall.before_over_noise:.1f} -> {fall.after_over_noise:.1f} times the noise")
     force_N: 2.2 -> 1.0 times the noise
     flux_linkage_Wb: 10.3 -> 1.0 times the noise
     hall_V: 1.6 -> 1.4 times the noise
