@@ -221,12 +221,7 @@ def _bound(expressions: Sequence[SX]) -> list[SX]:
 
 def once(owner: Any, key: Hashable, make: Callable[[], Made]) -> Made:
     """What is :func:`kept` with an owner under a key, made within :func:`building`."""
-
-    def built() -> Made:
-        with building():
-            return make()
-
-    return kept(owner, key, built)
+    return kept(owner, key, make, building)
 
 
 class GraphFunction:

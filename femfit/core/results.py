@@ -10,6 +10,7 @@ the blanks of a column.
 
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, wraps
 from html import escape
@@ -118,14 +119,20 @@ _KEPT: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
 """What :func:`kept` made, as long as its owner lives; nothing of it refers to the owner."""
 
 
-def kept(owner: Any, key: Hashable, make: Callable[[], Found]) -> Found:
-    """What is made for an immutable object under a key where it is not there; no pickle of the object has it.
+def kept(
+    owner: Any,
+    key: Hashable,
+    make: Callable[[], Found],
+    within: Callable[[], AbstractContextManager[None]] = nullcontext,
+) -> Found:
+    """What is made for an immutable object under a key where it is not there, within a context.
 
-    An array cannot be written to.
+    No pickle of the object has it. An array cannot be written to.
     """
     made = _KEPT.setdefault(owner, {})
     if key not in made:
-        made[key] = value = make()
+        with within():
+            made[key] = value = make()
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
     return cast("Found", made[key])
