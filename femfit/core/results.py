@@ -119,12 +119,10 @@ _KEPT: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
 """What :func:`kept` made, as long as its owner lives; nothing of it refers to the owner."""
 
 
-def kept(
-    owner: Any,
-    key: Hashable,
-    make: Callable[[], Found],
-    within: Callable[[], AbstractContextManager[None]] = nullcontext,
-) -> Found:
+Context = Callable[[], AbstractContextManager[None]]
+
+
+def kept(owner: Any, key: Hashable, make: Callable[[], Found], within: Context = nullcontext) -> Found:
     """What is made for an immutable object under a key where it is not there, within a context.
 
     No pickle of the object has it. An array cannot be written to.

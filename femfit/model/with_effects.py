@@ -6,7 +6,6 @@ sensor of a model reads what is recorded, so that it undoes the same effects.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -199,7 +198,7 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     (magnets, *currents), eddy = source_scales(effects, base.eddy.circuits), base.eddy
     if any(scale != 1.0 for scale in (magnets, *currents)):
         eddy = eddy.scaled(magnets, np.array(currents))
-    factor = _eddy_resistance(effects)
+    factor = changed_by(effects, "eddy", 1.0)
     # Itself where nothing changes it: what was made of its splines stays
     return eddy if factor == 1.0 else replace(eddy, resistances_ohm=factor * eddy.resistances_ohm)
 
@@ -208,12 +207,8 @@ def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect],
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None
-    return base.eddy.patterns(distance, source_scales(effects, base.eddy.circuits)[1:], _eddy_resistance(effects))
-
-
-def _eddy_resistance(effects: Sequence[AddedEffect]) -> Expression:
-    """What effects multiply the eddy currents' resistances by."""
-    return prod(added.effect.eddy(added.parameters) for added in effects if added.effect.eddy is not None)
+    factor = changed_by(effects, "eddy", 1.0)
+    return base.eddy.patterns(distance, source_scales(effects, base.eddy.circuits)[1:], factor)
 
 
 def resistance_of(
