@@ -18,8 +18,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias, TypeVar, cast
-from weakref import WeakKeyDictionary
+from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -27,6 +26,7 @@ from casadi import SX
 
 from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
+from femfit.core.results import kept
 from femfit.core.tape import Caller, Tape
 
 Made = TypeVar("Made")
@@ -219,17 +219,9 @@ def _bound(expressions: Sequence[SX]) -> list[SX]:
     return bound
 
 
-_MADE: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
-"""What :func:`once` made, as long as its owner lives; nothing of it refers to the owner."""
-
-
 def once(owner: Any, key: Hashable, make: Callable[[], Made]) -> Made:
-    """What is made for an owner under a key, within :func:`building` where it is not there; no pickle of it has it."""
-    made = _MADE.setdefault(owner, {})
-    if key not in made:
-        with building():
-            made[key] = make()
-    return cast("Made", made[key])
+    """What is :func:`kept` with an owner under a key, made within :func:`building`."""
+    return kept(owner, key, make, building)
 
 
 class GraphFunction:
@@ -258,13 +250,14 @@ class GraphFunction:
     @cached_property
     def stages(self) -> list[tuple[Tape, list[_Row]]]:
         """Tapes of the rows' coordinates, level by level, and of the output."""
-        stages, variables, rest = [], list(self.inputs), list(self.rows)
-        needed = {id(row): _symbols_in(row.coordinates) for row in rest}
-        while rest:
-            waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
-            ready = [row for row in rest if not needed[id(row)] & waiting]
+        stages, variables, remaining = [], list(self.inputs), list(self.rows)
+        needed = {id(row): _symbols_in(row.coordinates) for row in remaining}
+        while remaining:
+            waiting = set().union(*(_symbols_in(row.symbol) for row in remaining))
+            ready = [row for row in remaining if not needed[id(row)] & waiting]
             stages.append((Tape(variables, ca.vertcat(*(row.coordinates for row in ready))), ready))
-            variables, rest = [*variables, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
+            variables = [*variables, *(row.symbol for row in ready)]
+            remaining = [row for row in remaining if row not in ready]
         return [*stages, (Tape(variables, self.output), [])]
 
     def _of_a_point(self, few_cells: int = FEW_CELLS) -> ca.Function:

@@ -81,6 +81,10 @@ NORMAL_MEDIAN = 0.6745
 """Derived: median magnitude of a standard normal number."""
 
 
+NORMAL_95 = 1.959963984540054
+"""Derived: standard deviations to either side of the mean that hold 95 % of normal numbers."""
+
+
 def robust_deviation(values: FloatArray, axis: int | None = None) -> Any:
     """Standard deviation of normal numbers about zero, along an axis or of all; up to half of them may be faults.
 

@@ -76,8 +76,8 @@ _ONE_BLAS_THREAD = _OneBlasThread()
 os.register_at_fork(after_in_child=lambda: _OneBlasThread.__init__(_ONE_BLAS_THREAD))  # calls of threads that are gone
 
 
-def random_generator(rng: int | np.random.Generator | None, default: int = 0) -> np.random.Generator:
-    """Make a generator from a seed; a generator is returned as it is, and None stands for the default seed.
+def random_generator(rng: int | np.random.Generator | None) -> np.random.Generator:
+    """Make a generator from a seed; a generator is returned as it is, and None stands for the seed 0.
 
     Raises
     ------
@@ -86,11 +86,11 @@ def random_generator(rng: int | np.random.Generator | None, default: int = 0) ->
 
     Examples
     --------
-    >>> random_generator(1).integers(10) == random_generator(None, default=1).integers(10)
+    >>> random_generator(0).integers(10) == random_generator(None).integers(10)
     True
     """
     try:
-        return np.random.default_rng(default if rng is None else rng)
+        return np.random.default_rng(0 if rng is None else rng)
     except (TypeError, ValueError) as error:
         raise DomainError(
             f"Randomness must be a seed, a whole number >= 0, or a numpy Generator; instead received {quoted(rng)}. "

@@ -10,6 +10,7 @@ the blanks of a column.
 
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, wraps
 from html import escape
@@ -114,10 +115,31 @@ Found = TypeVar("Found")
 P = ParamSpec("P")
 
 
+_KEPT: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
+"""What :func:`kept` made, as long as its owner lives; nothing of it refers to the owner."""
+
+
+Context = Callable[[], AbstractContextManager[None]]
+
+
+def kept(owner: Any, key: Hashable, make: Callable[[], Found], within: Context = nullcontext) -> Found:
+    """What is made for an immutable object under a key where it is not there, within a context.
+
+    No pickle of the object has it. An array cannot be written to.
+    """
+    made = _KEPT.setdefault(owner, {})
+    if key not in made:
+        with within():
+            made[key] = value = make()
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+    return cast("Found", made[key])
+
+
 def remembered(function: Callable[Concatenate[Given, P], Found]) -> Callable[Concatenate[Given, P], Found]:
     """A function of an immutable object that is called once for each, and for each of its further arguments.
 
-    An array that it returns cannot be written to. No pickle of the object has the results, which must not refer to it.
+    The results are :func:`kept` with the object.
 
     >>> class Coil: pass
     >>> ohms = remembered(lambda coil, turns=2: np.ones(turns))
@@ -125,16 +147,11 @@ def remembered(function: Callable[Concatenate[Given, P], Found]) -> Callable[Con
     >>> ohms(coil) is ohms(coil), ohms(coil, 3).size
     (True, 3)
     """
-    results: WeakKeyDictionary[Given, dict[Hashable, Found]] = WeakKeyDictionary()
 
     @wraps(function)
     def once(subject: Given, /, *arguments: P.args, **named: P.kwargs) -> Found:
-        made, key = results.setdefault(subject, {}), (*arguments, *named.items())
-        if key not in made:
-            made[key] = result = function(subject, *arguments, **named)
-            if isinstance(result, np.ndarray):
-                result.flags.writeable = False
-        return made[key]
+        key = function, *arguments, *named.items()
+        return kept(subject, key, lambda: function(subject, *arguments, **named))
 
     return once
 

@@ -64,19 +64,19 @@ def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
     return f"{' to '.join(dict.fromkeys(texts))} {shown}"
 
 
-def amount_in(value: float, low: float, high: float, unit: str, digits: int = 2) -> str:
+def amount_in(value: float, low: float, high: float, unit: str) -> str:
     """A value as its interval is written, which then contains it: ``0.204 mm`` of 0.202 to 0.205 mm.
 
     Equal decimals keep the order of what they round.
     """
-    common = None if abs(high - low) <= _SAME * max(abs(low), abs(high)) else _in_common(low, high, unit, digits)
+    common = None if abs(high - low) <= _SAME * max(abs(low), abs(high)) else _in_common(low, high, unit)
     if common is None:
-        return amount(value, unit, digits)
+        return amount(value, unit)
     factor, places, shown = common
     return f"{factor * value:z.{places}f} {shown}"
 
 
-def _in_common(low: float, high: float, unit: str, digits: int) -> tuple[float, int, str] | None:
+def _in_common(low: float, high: float, unit: str, digits: int = 2) -> tuple[float, int, str] | None:
     """Factor, decimals and prefixed unit that both ends of an interval have; None of ends that cannot share them."""
     largest, width = max(abs(low), abs(high)), abs(high - low)
     if not math.isfinite(low) or not math.isfinite(high) or largest == 0.0:

@@ -9,7 +9,7 @@ AutoCAD DXF reference, group code 42 of LWPOLYLINE, for the bulge.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -39,13 +39,16 @@ def flattened(corners: Sequence[Corner], bulges: Sequence[float]) -> list[Corner
 
 def arc_points(start: Corner, stop: Corner, bulge: float, step: float = LARGEST_STEP) -> list[Corner]:
     """Points of an arc between its ends, the same ones from either end, at most a step (in radians) apart."""
-    centre, _ = arc_circle(start, stop, bulge)
     angle = 4.0 * math.atan(bulge)
     pieces = max(2, math.ceil(abs(angle) / step - 1e-9))
-    r, z = start[0] - centre[0], start[1] - centre[1]
-    turns = (angle * k / pieces for k in range(1, pieces))
+    return turned(start, arc_circle(start, stop, bulge)[0], (angle * k / pieces for k in range(1, pieces)))
+
+
+def turned(corner: Corner, centre: Corner, angles: Iterable[float]) -> list[Corner]:
+    """A corner turned counter-clockwise about a centre by angles in rad."""
+    r, z = corner[0] - centre[0], corner[1] - centre[1]
     return [
-        (centre[0] + r * math.cos(a) - z * math.sin(a), centre[1] + r * math.sin(a) + z * math.cos(a)) for a in turns
+        (centre[0] + r * math.cos(a) - z * math.sin(a), centre[1] + r * math.sin(a) + z * math.cos(a)) for a in angles
     ]
 
 

@@ -40,7 +40,8 @@ OF_THE_WHOLE = (
     "hall_saturation",
 )
 
-_QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm")
+OF_A_CIRCUIT = ("current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm")
+"""Columns that each circuit has one of its own of."""
 
 
 def of_circuit(effect: Effect, circuit: str) -> Effect:
@@ -54,7 +55,7 @@ def of_circuit(effect: Effect, circuit: str) -> Effect:
         for each in effect.calibrations
     )
     needs = effect.needs
-    for quantity in _QUANTITIES:  # the columns are the circuit's own
+    for quantity in OF_A_CIRCUIT:  # the columns are the circuit's own
         stem, _, unit = quantity.rpartition("_")
         needs = tuple(need.replace(quantity, f"{stem}_{circuit}_{unit}") for need in needs)
     return replace(

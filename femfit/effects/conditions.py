@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 REFERENCE_TEMPERATURE_C = 20.0
 """Where a model's remanence and resistance hold unless it says otherwise."""
 
+TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
+"""Of what may be warm, as tables and conditions call them; NaN where it was not recorded."""
+
 NO_MAGNET = 1e-3
 """Share of the largest force or flux linkage below which what remains without current is the fit's own error."""
 
@@ -122,17 +125,17 @@ class Conditions:
     def numbers(self) -> dict[str, Any]:
         """What is known of a point as numbers by name, none of which is NaN for a temperature."""
         numbers = {name: getattr(self, name) for name in _PLAIN}
-        for name, place in _TEMPERATURES.items():
+        for name in TEMPERATURES:
             recorded = warmth(getattr(self, name))
-            numbers |= {f"{place}_K": recorded.kelvin, f"{place}_unknown": recorded.unknown}
+            numbers |= {name: recorded.kelvin, f"{name}_unknown": recorded.unknown}
         low, high = self.current_turn_A
         return {**numbers, "turn_low_A": low, "turn_high_A": high, **self.memory, **self.recalled}
 
     def with_numbers(self, numbers: Mapping[str, SX]) -> "Conditions":
         """The conditions with expressions in place of their :attr:`numbers`."""
         plain: dict[str, Any] = {name: numbers[name] for name in _PLAIN}
-        for name, place in _TEMPERATURES.items():
-            plain[name] = Warmth(numbers[f"{place}_K"], numbers[f"{place}_unknown"])
+        for name in TEMPERATURES:
+            plain[name] = Warmth(numbers[name], numbers[f"{name}_unknown"])
         for name in ("memory", "recalled"):
             plain[name] = {state: numbers[state] for state in getattr(self, name)}
         return replace(self, current_turn_A=(numbers["turn_low_A"], numbers["turn_high_A"]), **plain)
@@ -140,9 +143,6 @@ class Conditions:
 
 _PLAIN = ("branch", "time_s", "elapsed", "frequency_Hz", "velocity_m_s", "current_rate_A_s", "motional_V")
 """Conditions that are one number each."""
-
-_TEMPERATURES = {"coil_temperature_C": "coil", "magnet_temperature_C": "magnet"}
-"""Conditions that are two numbers each, whose names begin with these."""
 
 
 def like(value: Any, points: Any) -> Any:

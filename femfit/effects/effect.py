@@ -232,7 +232,7 @@ class Effect:
     ends : callable or None
         ((near, far) in m, nominal, p) -> (near, far) in m: where the body is stopped.
     eddy : callable or None
-        p -> factor of the resistances of the drawing's eddy currents.
+        (factor, p) -> factor of the resistances of the drawing's eddy currents.
     calibrations : tuple of Calibration
         Measurements beside the bench sweep that read parameters directly.
     """
@@ -252,7 +252,7 @@ class Effect:
     mass: Callable[[float, Parameters], float] | None = None
     ends: Callable[[tuple[float, float], Nominal, Parameters], tuple[float, float]] | None = None
     impedance: FurtherImpedance | None = None
-    eddy: Callable[[Parameters], Expression] | None = None
+    eddy: Callable[[Expression, Parameters], Expression] | None = None
     readings: Readings | None = None
     memory: Memory | None = None
     hall_point: Setting | None = None

@@ -122,7 +122,7 @@ def recorded(effects: Iterable[AddedEffect], values: Mapping[str, Any], *place: 
 
 
 def changed_by(effects: Iterable[AddedEffect], stage: str, value: Any, *arguments: Any) -> Any:
-    """What effects make of the ``mass`` in kg, or of the ``ends`` (near, far) in m with the nominal facts."""
+    """What effects make of ``mass`` in kg, ``ends`` (near, far) in m with the nominal facts, or ``eddy``, a factor."""
     for act, added in _acting(effects, stage):
         value = act(value, *arguments, added.parameters)
     return value

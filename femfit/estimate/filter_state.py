@@ -55,7 +55,3 @@ class FilterState:
         ratio = np.atleast_2d((self.innovation**2 / self.innovation_variance).T).T
         read = np.isfinite(ratio)
         return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
-
-    def outcomes(self) -> tuple[FilterOutcome, ...]:
-        """The outcome of every run."""
-        return tuple(FilterOutcome(int(code)) for code in self.outcome)

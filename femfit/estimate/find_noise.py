@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import NORMAL_95, FloatArray
 from femfit.estimate.constants import LEAST_JUDGED, NOISE_SAMPLES
 from femfit.estimate.filter_state import FilterOutcome
 from femfit.estimate.follow import OneFilter
@@ -136,8 +136,8 @@ def find_noise(run: OneFilter) -> FoundNoise | None:
     estimates = []
     for source, log, uncertain in zip(sources, logs, deviation.tolist(), strict=True):
         value, known = float(source.assumed * np.exp(log)), uncertain < UNKNOWN
-        low = value * float(np.exp(-1.96 * uncertain)) if known else 0.0
-        high = value * float(np.exp(1.96 * min(uncertain, 3.0)))
+        low = value * float(np.exp(-NORMAL_95 * uncertain)) if known else 0.0
+        high = value * float(np.exp(NORMAL_95 * min(uncertain, 3.0)))
         estimates.append(
             NoiseEstimate(source.name, source.unit, value, source.assumed, low, high, known, source.of_sensor)
         )

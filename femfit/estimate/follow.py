@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.errors import FilterError, MissingPartError, TableError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import NORMAL_95, FloatArray, IntArray
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
 from femfit.estimate.filter import Filter
@@ -117,7 +117,7 @@ def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: Flo
         mean_square=power / count,
         band=consistency_band(count, CONFIDENCE),
         autocorrelation=lags,
-        correlation_band=1.96 / count**0.5,
+        correlation_band=NORMAL_95 / count**0.5,
         rms=float(np.sqrt(np.mean(innovation[read] ** 2))),
     )
 

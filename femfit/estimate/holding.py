@@ -61,9 +61,8 @@ def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray |
     bias = bias if several else np.clip(bias, *limits.T)
     model.validity.require(np.asarray(distance), bias)
     currents = nearest_currents(model, np.array([distance]), np.array([needed]), bias, limits)[0]
-    scale = max(abs(needed), float(np.abs(model.magnetics.force(*model.validity.grid(5, 3))).max()))
     missing = needed - float(model.magnetics.force(np.asarray(distance), currents))
-    if abs(missing) <= BALANCED * scale:
+    if abs(missing) <= BALANCED * max(abs(needed), model.peaks[0]):
         return np.asarray(currents)
     ranges = ", ".join(
         f"{low:g}..{high:g} A of {name}" for name, (low, high) in zip(model.circuit_names, limits, strict=True)
@@ -105,8 +104,7 @@ def nearest_currents(
     nearest = _descended(model, distance, force, bias, limits, np.tile(bias, (len(distance), 1)))
     corners = np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, len(limits))
     # Of the domain, for in the middle of a symmetric bearing every corner pulls with nothing
-    largest = float(np.abs(model.magnetics.force(*model.validity.grid(5, 3))).max())
-    balanced = BALANCED * np.maximum(np.abs(force), largest)
+    balanced = BALANCED * np.maximum(np.abs(force), model.peaks[0])
     for row in np.flatnonzero(np.abs(force - model.magnetics.force(distance, nearest)) > balanced):
         starts = np.vstack([nearest[row], corners])
         distances, wanted = np.full((2, len(starts)), [distance[row : row + 1], force[row : row + 1]])

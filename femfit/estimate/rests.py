@@ -186,19 +186,19 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
 def _remarks(track: Track, rests: list[Rest]) -> Iterator[Finding]:
     """Where the body rests, at each kind of place."""
     for place in ("near", "far", "held"):
-        here = [rest for rest in rests if rest.place == place]
-        if not here:
+        at_place = [rest for rest in rests if rest.place == place]
+        if not at_place:
             continue
-        share = sum(rest.last - rest.first + 1 for rest in here) / len(track.time_s)
-        where = amount_range(min(r.distance_m for r in here), max(r.distance_m for r in here), "m", 3)
-        if len(here) == 1 or place != "held":
-            where = amount(here[0].distance_m, "m", 3)
+        share = sum(rest.last - rest.first + 1 for rest in at_place) / len(track.time_s)
+        where = amount_range(min(r.distance_m for r in at_place), max(r.distance_m for r in at_place), "m", 3)
+        if len(at_place) == 1 or place != "held":
+            where = amount(at_place[0].distance_m, "m", 3)
         yield finding(
             "held" if place == "held" else "at-stop",
             place=place,
             where=where,
-            stretches=f"in {counted(len(here), 'stretch', 'stretches')}, {amount(share, '')} of the samples",
-            span=amount_range(float(track.time_s[here[0].first]), float(track.time_s[here[0].last]), "s", 3),
+            stretches=f"in {counted(len(at_place), 'stretch', 'stretches')}, {amount(share, '')} of the samples",
+            span=amount_range(float(track.time_s[at_place[0].first]), float(track.time_s[at_place[0].last]), "s", 3),
             factor=WRONG_FACTOR,
             size=share,
         )

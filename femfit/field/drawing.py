@@ -152,19 +152,19 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     _grade(halo, layer, outlines, THIN * layout.radius)
     pieces = [*still, *mover, halo, layer]
     half_disc = WorkPlane().MoveTo(0.0, -layout.outer_radius).Arc(layout.outer_radius, 180.0).Close().Face()
-    rest = _without(half_disc, [*still, outer])
+    air = _without(half_disc, [*still, outer])
     if actuator.hall is not None:
         hall = shapely.Point(actuator.hall.radius_m, actuator.hall.height_m)
         room = min((polygon(fixed_part).distance(hall) for fixed_part in fixed_parts(actuator)), default=math.inf)
         size = HALL_SIZE * layout.clearance
         if 0.2 * size < room < 1.5 * size:  # or slivers would lie between the disc and the part beside it
             size = 0.5 * room
-        disc = WorkPlane().Circle(actuator.hall.radius_m, actuator.hall.height_m, size).Face() * rest
+        disc = WorkPlane().Circle(actuator.hall.radius_m, actuator.hall.height_m, size).Face() * air
         disc.faces.name, disc.faces.maxh = "air", 0.5 * size
         pieces.append(disc)
-        rest = rest - disc
-    rest.faces.name = "air"
-    shape = Glue([*pieces, rest])
+        air = air - disc
+    air.faces.name = "air"
+    shape = Glue([*pieces, air])
     for edge in shape.edges:
         if np.hypot(edge.center.x, edge.center.y) > 0.6 * layout.outer_radius:
             edge.name = "outer"

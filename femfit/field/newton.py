@@ -105,16 +105,16 @@ def minimise(
     limit: int = LIMIT,
 ) -> NewtonResult:
     """Find the state of least energy."""
-    state, here, history = start, problem.evaluate(start, currents), list[float]()
+    state, evaluated, history = start, problem.evaluate(start, currents), list[float]()
     stale, steps = not problem.ready, deque[_Step](maxlen=MEMORY)
     while len(history) < limit:
         fresh = stale
         if fresh:
             problem.renew(state)
             steps.clear()
-        correction = _correction(problem, here.gradient, steps)
-        decrease = -inner(here.gradient, correction)
-        scale = max(here.square, decrease)
+        correction = _correction(problem, evaluated.gradient, steps)
+        decrease = -inner(evaluated.gradient, correction)
+        scale = max(evaluated.square, decrease)
         residual = math.sqrt(max(decrease, 0.0) / scale) if scale != 0.0 else 0.0
         if not math.isfinite(residual):
             return NewtonResult(state, len(history), residual, False, tuple(history))
@@ -126,11 +126,11 @@ def minimise(
         if residual <= tolerance:
             return NewtonResult(state + correction, len(history), residual, True, tuple(history))
         shortest = 1.0 if residual < RESOLVED or not fresh else SHORTEST_STEP
-        before, step = here.gradient, 1.0
+        before, step = evaluated.gradient, 1.0
         while True:  # the first step of 1, 1/2, 1/4 ... that lowers the energy enough, or the shortest one
             trial = state + step * correction
-            there = problem.evaluate(trial, currents)
-            enough = there.energy <= here.energy - SUFFICIENT * step * decrease
+            tried = problem.evaluate(trial, currents)
+            enough = tried.energy <= evaluated.energy - SUFFICIENT * step * decrease
             if enough or step <= shortest:
                 break
             step *= 0.5
@@ -138,8 +138,8 @@ def minimise(
         if stale and not fresh:
             history.pop()  # a renewed derivative from here is better than a short step by one that misleads
             continue
-        state, here = trial, there
-        moved, bent = step * correction, here.gradient - before
+        state, evaluated = trial, tried
+        moved, bent = step * correction, evaluated.gradient - before
         product = inner(moved, bent)
         if product > 0.0:  # as of any convex energy, but for rounding
             steps.append(_Step(moved, bent, product))

@@ -24,7 +24,7 @@ from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.outlines import arc_circle
+from femfit.device.outlines import arc_circle, turned
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.field.layout import bulges_of, parts_of
 from femfit.field.weak_form import csr, materials
@@ -182,12 +182,9 @@ def _edge_at(start: FloatArray, stop: FloatArray, bulge: float, t: FloatArray) -
     """Points (2, n) of an edge at fractions of its way."""
     if not bulge:
         return start[:, None] * (1.0 - t) + stop[:, None] * t
-    centre, _ = arc_circle((start[0], start[1]), (stop[0], stop[1]), bulge)
-    angle = 4.0 * math.atan(bulge) * t
-    r, z = start[0] - centre[0], start[1] - centre[1]
-    return np.array(
-        [centre[0] + r * np.cos(angle) - z * np.sin(angle), centre[1] + r * np.sin(angle) + z * np.cos(angle)]
-    )
+    corner = start[0], start[1]
+    centre, _ = arc_circle(corner, (stop[0], stop[1]), bulge)
+    return np.reshape(turned(corner, centre, 4.0 * math.atan(bulge) * t), (-1, 2)).T
 
 
 def _projected(points: FloatArray, start: FloatArray, stop: FloatArray, bulge: float) -> tuple[FloatArray, FloatArray]:

@@ -105,7 +105,7 @@ class SourceFields:
 
         Where parts saturate, with the flux linkages at rest, without any current.
         """
-        rest = self._state(np.zeros_like(self.bias)) if self.saturates else None
+        at_rest = self._state(np.zeros_like(self.bias)) if self.saturates else None
         self.solve()
         linked = inner_products(self.loads, self.total)
         result = Coefficients(
@@ -114,7 +114,7 @@ class SourceFields:
             coenergy=0.5 * float(linked[0, 0]),
             hall=None if self._hall is None else hall_fields(self._hall, self.space, self.total),
         )
-        if rest is None:
+        if at_rest is None:
             return result
         result.force[1:, 1:] = 0.0
-        return replace(result, rest=inner_products(self.loads[1:], rest[None])[:, 0])
+        return replace(result, rest=inner_products(self.loads[1:], at_rest[None])[:, 0])

@@ -120,14 +120,14 @@ def with_impedances(
         effect = effects.get(number.key) or drawn_effect(number, (), at_rest=KINDS[number.kind].at_rest)
         ratio = _turned(before, by_number) - _static(effect, distance)[:, None, None, None]
         between = make_interp_spline(probed, ratio, k=min(CUBIC, len(probed) - 1), axis=1)
-        rest = _turned(follows, between(np.log(frequency)))
+        remaining = _turned(follows, between(np.log(frequency)))
         change = impedance_change(
             effect.parameter,
             eddy.coordinate,
             distance,
             np.zeros(1),
             frequency,
-            2j * np.pi * frequency[:, None, None] * rest[:, None],
+            2j * np.pi * frequency[:, None, None] * remaining[:, None],
             share=not effect.unit,
         )
         effects[number.key] = replace(effect, impedance=change)

@@ -160,17 +160,17 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     """
     c, count = len(table.circuits), len(table.distances_m)
     flux = table.flux_linkage - 2j * STEP * table.force[:, 1:]
-    rest = flux[:, :, 0] if table.rest is None else table.rest
+    at_rest = flux[:, :, 0] if table.rest is None else table.rest
     windings, between, among = flux[:, :c, 1 : 1 + c], flux[:, :c, 1 + c :], flux[:, c:, 1 + c :]
     coupling = np.linalg.solve(windings, between)
     if c == 1 and table.bias_A is not None and table.rest is not None:
         biased = np.flatnonzero(table.bias_A.any(axis=1))
-        linked = (flux[:, :, 0] - rest)[biased]
+        linked = (flux[:, :, 0] - at_rest)[biased]
         coupling[biased, 0] = linked[:, 1:] / linked[:, :1]
     turned = coupling.swapaxes(1, 2)
     crossed, (first, second) = between.swapaxes(1, 2) @ coupling, np.triu_indices(table.patterns)
     inductance = among - crossed - crossed.swapaxes(1, 2) + turned @ windings @ coupling
-    linking = rest[:, c:] - (turned @ rest[:, :c, None])[:, :, 0]
+    linking = at_rest[:, c:] - (turned @ at_rest[:, :c, None])[:, :, 0]
     entries = [coupling.reshape(count, -1), linking, inductance[:, first, second]]
     if table.hall is not None:
         hall = table.hall[:, 1 + c :] - (turned @ table.hall[:, 1 : 1 + c, None])[:, :, 0]
@@ -279,12 +279,12 @@ def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
         function = GraphFunction([d, ca.vec(x)], values)
     hall = np.zeros((count, 1 + c)) if table.hall is None else table.hall
     of_table = table.flux_linkage[:, :c, : 1 + c], -2.0 * table.force[:, 1 : 1 + c, : 1 + c], hall[:, 1 : 1 + c, None]
-    found = function(table.distances_m[None], np.concatenate(of_table, axis=2).T.reshape(-1, count))
-    linked, pull = (part.reshape(1 + m, m, count).T for part in np.split(found[:-m], 2))
+    evaluated = function(table.distances_m[None], np.concatenate(of_table, axis=2).T.reshape(-1, count))
+    linked, pull = (part.reshape(1 + m, m, count).T for part in np.split(evaluated[:-m], 2))
     force = np.zeros((count, 1 + m, 1 + m))
     force[:, 0, 0] = table.force[:, 0, 0]
     force[:, 1:, 0] = force[:, 0, 1:] = -0.5 * pull[:, :, 0]
     if table.bias_A is None:  # else the field does not tell what is of second order, either
         force[:, 1:, 1:] = -0.5 * pull[:, :, 1:]
-    at_hall = None if table.hall is None else np.concatenate([hall[:, :1], found[-m:].T], axis=1)
+    at_hall = None if table.hall is None else np.concatenate([hall[:, :1], evaluated[-m:].T], axis=1)
     return replace(table, force=force, flux_linkage=linked, hall=at_hall)

@@ -120,21 +120,21 @@ class StateChoice:
         chosen = [self._places[k] for k in evenly_spread(len(self._places), EDDY_DISTANCES)]
         frame = np.eye(self._table.patterns)
         for power in EDDY_POWERS:
-            now, complement = frame[:, :count], frame[:, count:]
-            read = [place.read(now) for place in chosen]
-            frame = np.linalg.qr(now + complement @ self._better(read, now, complement, power), mode="complete")[0]
+            basis, complement = frame[:, :count], frame[:, count:]
+            read = [place.read(basis) for place in chosen]
+            frame = np.linalg.qr(basis + complement @ self._better(read, basis, complement, power), mode="complete")[0]
         return frame[:, :count]
 
-    def _better(self, places: Sequence[_Place], now: FloatArray, complement: FloatArray, power: int) -> FloatArray:
-        """X, of combinations now + others X with the least squares of the departures' power."""
-        shape = complement.shape[1], now.shape[1]
+    def _better(self, places: Sequence[_Place], basis: FloatArray, complement: FloatArray, power: int) -> FloatArray:
+        """X, of combinations basis + complement X with the least squares of the departures' power."""
+        shape = complement.shape[1], basis.shape[1]
 
         def both(values: Sequence[ComplexArray]) -> FloatArray:
             flat = np.concatenate([place.reshape(-1, *place.shape[3:]) for place in values])
             return np.concatenate([flat.real, flat.imag])
 
         def departures(x: FloatArray) -> FloatArray:
-            return both([place.departures(now + complement @ x.reshape(shape)) for place in places]) / scale
+            return both([place.departures(basis + complement @ x.reshape(shape)) for place in places]) / scale
 
         def residuals(x: FloatArray) -> FloatArray:
             off = departures(x)
@@ -142,7 +142,7 @@ class StateChoice:
 
         def jacobian(x: FloatArray) -> FloatArray:
             slopes = (
-                both([complement.T @ place.slopes(now + complement @ x.reshape(shape)) for place in places]) / scale
+                both([complement.T @ place.slopes(basis + complement @ x.reshape(shape)) for place in places]) / scale
             )
             return np.asarray(power * np.abs(departures(x))[:, None] ** (power - 1) * slopes.reshape(len(slopes), -1))
 

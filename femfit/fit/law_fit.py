@@ -25,7 +25,7 @@ from femfit.fit.law_columns import (
 )
 from femfit.fit.rows import FitRows
 from femfit.laws.catalogue import all_laws
-from femfit.laws.law import ForceLaw
+from femfit.laws.law import LONGEST_M, ForceLaw
 from femfit.model.magnetics import Coefficient, LawMagnetics
 
 
@@ -43,14 +43,14 @@ def search_shape(
     """
     if not law.shape:
         return {}
-    lower, upper = np.array([p.lower for p in law.shape]), np.array([p.upper for p in law.shape])
+    lower = np.array([p.lower for p in law.shape])
 
     def named(unit: FloatArray) -> dict[str, float]:
-        values = lower * (upper / lower) ** unit
+        values = lower * (LONGEST_M / lower) ** unit
         return {p.name: float(v) for p, v in zip(law.shape, values, strict=True)}
 
     first = np.array([p.start if start is None else start[p.name] for p in law.shape])
-    unit = np.log(first / lower) / np.log(upper / lower)
+    unit = np.log(first / lower) / np.log(LONGEST_M / lower)
 
     def misfit(unit: FloatArray) -> FloatArray:
         return residual(named(unit))
@@ -165,7 +165,7 @@ class LawFit:
             open_sign = low < 0.0 < high and not c.active
             rows.append((c.basis, c.current_power, None if open_sign else c.value, (low, high), c.unit))
         shape = self.shape_interval
-        return rows + [(p.name, 0, self.shape[p.name], shape[p.name], p.unit) for p in self.law.shape]
+        return rows + [(p.name, 0, self.shape[p.name], shape[p.name], "m") for p in self.law.shape]
 
     def magnetics(self, inductance_H: float | None = None) -> LawMagnetics:
         """The law with its coefficients; inductance and flux linkage at the farthest point follow the table."""

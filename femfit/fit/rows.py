@@ -169,7 +169,8 @@ def rows_of_table(
     circuits = names or ("",)
     settings, fluxes = ["distance_m", *current_columns(circuits)], flux_columns(circuits)
     columns: dict[str, Any] = {
-        name: _numbers(rows, name) for name in (*settings, "force_N", *fluxes, "force_error_N", "hall_T")
+        name: column_numbers(rows, name) if name in rows and rows[name].notna().any() else None
+        for name in (*settings, "force_N", *fluxes, "force_error_N", "hall_T")
     }
     needed = [*settings, "force_N", *(fluxes if names else ())]
     if missing := [name for name in needed if columns[name] is None]:
@@ -234,11 +235,6 @@ def _inductance(rows: pd.DataFrame, measured: FitRows, circuits: Sequence[str]) 
         present = rows[name].notna().to_numpy()
         result[present, j, k] = result[present, k, j] = column_numbers(rows[present].reset_index(drop=True), name)
     return result if measured.several or is_incremental(measured, result[:, 0, 0]) else None
-
-
-def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
-    """A column as floats; None where it is absent or empty, an error where it has holes or text."""
-    return None if name not in rows or rows[name].isna().all() else column_numbers(rows, name)
 
 
 def is_incremental(rows: FitRows, inductance: FloatArray) -> bool:

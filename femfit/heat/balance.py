@@ -108,17 +108,17 @@ class Feed:
 
     def settled(self, network: HeatNetwork, ambient: float) -> FloatArray:
         """Temperatures that last, shape (parts,); NaN where there are none."""
-        now = np.full(len(network.names), ambient)
+        temperatures = np.full(len(network.names), ambient)
         if np.isnan(self.volts).all():
-            return settled(network, ambient, self.cold_W(self.amperes, len(now)))
+            return settled(network, ambient, self.cold_W(self.amperes, len(temperatures)))
         for _ in range(ROUNDS):
-            following = np.linalg.solve(network.laplacian, self.powers(now) + network.outwards * ambient)
-            if np.abs(following - now).max() < CLOSE_K:
+            following = np.linalg.solve(network.laplacian, self.powers(temperatures) + network.outwards * ambient)
+            if np.abs(following - temperatures).max() < CLOSE_K:
                 return np.asarray(following)
-            now = 0.5 * (now + following)  # at a held voltage more heat comes of less warmth
-            if now.max() > LOST_C:
+            temperatures = 0.5 * (temperatures + following)  # at a held voltage more heat comes of less warmth
+            if temperatures.max() > LOST_C:
                 break
-        return np.full(len(now), np.nan)
+        return np.full(len(temperatures), np.nan)
 
 
 def feed_of(

@@ -125,7 +125,6 @@ DENSEST = math.pi / math.sqrt(12.0)
 class WindingHeat:
     """What a winding's wire makes of its section."""
 
-    copper_share: float
     conductivity_W_per_m_K: float  # Across the strands
     heat_capacity_J_per_K: float
     cold_ohm: float  # Resistance at 20 degC
@@ -145,7 +144,7 @@ def winding_heat(coil: Coil, insulation: float) -> WindingHeat:
     across = insulation * ((1.0 + share) * metal + (1.0 - share) * insulation)
     across /= (1.0 - share) * metal + (1.0 + share) * insulation
     capacity = (share * METAL_CAPACITY + (1.0 - share) * FILLER_CAPACITY) * section.area * turn
-    return WindingHeat(share, across, capacity, cold)
+    return WindingHeat(across, capacity, cold)
 
 
 def stars(coil: Coil, conductivity: float) -> FloatArray:
@@ -257,16 +256,16 @@ def _outside(count: int, faces: Faces, resistance: FloatArray, around: Surroundi
     def nodes(parts: IntArray, sides: IntArray) -> IntArray:
         return np.where(parts < count, n + 1 + OWN * parts + sides, parts)
 
-    here, there = nodes(source, faces.side), nodes(facing, faces.side ^ 1)
+    inner_node, outer_node = nodes(source, faces.side), nodes(facing, faces.side ^ 1)
     free = facing == OPEN
     film = faces.area / (1.0 / around.film_W_per_m2_K + resistance[source])
-    np.add.at(joined, (here[free], n), film[free])
+    np.add.at(joined, (inner_node[free], n), film[free])
     joint = np.where(np.minimum(source, facing) < count, around.winding_joint_m, around.joint_m)
     crossed = np.maximum(faces.gap, joint) / AIR_CONDUCTIVITY + resistance[source] + resistance[facing]
     # Of a winding and another part the winding's faces count, of others those of both sides
     alike = (source < count) == (facing < count)
     met = (facing >= 0) & (alike | (source < count))
-    np.add.at(joined, (here[met], there[met]), (np.where(alike, 0.5, 1.0) * faces.area / crossed)[met])
+    np.add.at(joined, (inner_node[met], outer_node[met]), (np.where(alike, 0.5, 1.0) * faces.area / crossed)[met])
     return joined + joined.T
 
 

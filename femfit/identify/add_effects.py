@@ -12,6 +12,7 @@ from femfit.core.errors import TableError, UsageError
 from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
+from femfit.effects.conditions import TEMPERATURES
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.before_after import AddResult, fit_facts, of_last_run, run_facts, suspicious_values, unseen_error
 from femfit.identify.bench import measurement_of, placed
@@ -22,7 +23,7 @@ from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.misfit import ErrorFall
 from femfit.identify.noise.components import beside_effects
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.observations import TEMPERATURES, Observations
+from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, Start, refit, starting_point
 from femfit.identify.remainder import NAME as UNEXPLAINED
 from femfit.identify.remainder import learn_remainder
@@ -74,8 +75,8 @@ def add_effects(
     --------
     >>> model = ff.read_model("model.json")
     >>> better = ff.add_effects(model, "bench.csv", ["coil_temperature", "core_saturation"])
-    >>> for one in better.fall.channels:
-    ...     print(f"{one.channel}: {one.before_over_noise:.1f} -> {one.after_over_noise:.1f} times the noise")
+    >>> for fall in better.fall.channels:
+    ...     print(f"{fall.channel}: {fall.before_over_noise:.1f} -> {fall.after_over_noise:.1f} times the noise")
     force_N: 2.2 -> 1.0 times the noise
     flux_linkage_Wb: 10.3 -> 1.0 times the noise
     hall_V: 1.6 -> 1.4 times the noise

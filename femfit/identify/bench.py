@@ -184,18 +184,18 @@ def near_bias(model: ActuatorModel, distance: FloatArray, current: FloatArray) -
     bias = base.eddy.bias if base.eddy else None
     if bias is None:
         return np.ones(len(distance), dtype=bool), None
-    here, there = current.reshape(len(distance), -1), bias.at(distance)
-    read, solved = (base.magnetics.flux_linkage(distance, currents) for currents in (here, there))
+    measured, biases = current.reshape(len(distance), -1), bias.at(distance)
+    read, solved = (base.magnetics.flux_linkage(distance, currents) for currents in (measured, biases))
     apart = np.minimum(*(np.linalg.norm(read - sign * solved, axis=1) for sign in (1.0, -1.0)))  # all turned is alike
-    ends = np.array(np.meshgrid(*base.validity.current_limits_A)).reshape(here.shape[1], -1).T
+    ends = np.array(np.meshgrid(*base.validity.current_limits_A)).reshape(measured.shape[1], -1).T
     linked = [base.magnetics.flux_linkage(distance, np.tile(end, (len(distance), 1))) for end in ends]
     away = np.asarray(apart > AWAY * BIAS_SHARE * np.linalg.norm(linked, axis=-1).max())
     if not away.any():
         return ~away, None
-    least = [float(f"{median:.3g}") for median in np.median(here[away], axis=0)]
+    least = [float(f"{median:.3g}") for median in np.median(measured[away], axis=0)]
     facts: dict[str, Any] = {"asked": least[0] if len(least) == 1 else least, "rows": int(away.sum())}
     facts["circuits"] = [parts_of(name)[1] for name in current_columns(model.current_names)]
-    for name, currents in (("read", here[away]), ("held", there[away])):
+    for name, currents in (("read", measured[away]), ("held", biases[away])):
         facts[name] = list(zip(currents.min(axis=0).tolist(), currents.max(axis=0).tolist(), strict=True))
     return ~away, finding("eddy-bias", "current_A", float(away.sum()), **facts)
 

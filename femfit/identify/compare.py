@@ -169,15 +169,15 @@ def _channel(
     observations: Observations, noise: NoiseModel | None, name: str, rms: float, model_misfit: float
 ) -> ChannelMisfit:
     residual, source = observations.residual, noise.source.get(name, "") if noise else ""
-    here, c = np.flatnonzero(observations.of(name)), observations.channels.index(name)
-    worst = here[np.argmax(np.abs(residual[here]))]
+    of_channel, c = np.flatnonzero(observations.of(name)), observations.channels.index(name)
+    worst = of_channel[np.argmax(np.abs(residual[of_channel]))]
     row, names = observations.covariates.iloc[observations.row[worst]], observations.currents
     currents = tuple(float(row[current]) for current in names) if len(names) > 1 else ()
     frequency = float(row["frequency_Hz"]) if observations.of_impedances else None
     return ChannelMisfit(
         channel=name,
-        readings=len(here),
-        mean=float(residual[here].mean()),
+        readings=len(of_channel),
+        mean=float(residual[of_channel].mean()),
         rms=rms,
         largest=Extreme(float(residual[worst]), float(row["distance_m"]), float(row["current_A"]), currents, frequency),
         noise_floor=float(noise.sigma[c]) if noise and source else None,

@@ -16,9 +16,10 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import BoolArray, FloatArray, first_best
+from femfit.effects.conditions import TEMPERATURES
 from femfit.identify.constants import BEYOND_NOISE, COARSE, COVARIATE_SHARE, LEAST_READINGS, LEFT_BY_SHARE, SAME_SHARE
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.observations import TEMPERATURES, Observations
+from femfit.identify.observations import Observations
 from femfit.identify.patterns import Patterns, orthonormal_basis, smooth_patterns
 from femfit.identify.signatures import ROUNDED
 from femfit.identify.words import sentence
@@ -150,13 +151,13 @@ def _covariates(
     The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise, mounts
     and runs. The first alone follows the noise, the second alone is blind to what re-mounts look like as well.
     """
-    here = np.flatnonzero(patterns.channel == channel)
-    rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
-    names = sorted(set().union(*(patterns.along[k] for k in here)))
+    of_channel = np.flatnonzero(patterns.channel == channel)
+    rows = np.any(patterns.columns[:, of_channel] != 0.0, axis=1)
+    names = sorted(set().union(*(patterns.along[k] for k in of_channel)))
     chosen: list[str] = []
 
     def explained(among: list[str]) -> FloatArray:
-        inside = [k for k in here if patterns.along[k] <= frozenset(among)]
+        inside = [k for k in of_channel if patterns.along[k] <= frozenset(among)]
         projection = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
         return np.array([projection @ projection, max(_excess(columns[:, inside], residual), 0.0)])
 
@@ -190,14 +191,14 @@ def describe_misfit(observations: Observations, channel: str, covariates: Sequen
     The structured part of recorded minus predicted, of shape (M,), says where it is the largest, and how large. What is
     the same everywhere the readings themselves say; the structured part lacks what a re-mount could have done.
     """
-    here = observations.of(channel)
+    of_channel = observations.of(channel)
     # A relative misfit refers to the prediction, of a Hall output without its quiescent voltage
     quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
-    misfit, base = observations.residual[here], (observations.base - quiescent)[here]
+    misfit, base = observations.residual[of_channel], (observations.base - quiescent)[of_channel]
     square, share = float(misfit @ misfit), float(misfit @ base) / max(float(base @ base), 1e-300)
     if square <= ROUNDED**2 * float(base @ base):
         return sentence("where", "nothing", channel)
-    structured = smooth[here] if smooth[here].any() else misfit
+    structured = smooth[of_channel] if smooth[of_channel].any() else misfit
     worst = int(np.argmax(np.abs(structured)))
     facts: dict[str, Any] = {"channel": channel, "magnitude": observations.magnitude.get(channel)}
     facts |= {"size": float(structured[worst]), "share": None, "place": None}
@@ -209,7 +210,7 @@ def describe_misfit(observations: Observations, channel: str, covariates: Sequen
     else:
         names = [name for name in observations.settings if observations.column(name).any()]  # no current is no place
         names += [name for name in _FURTHER if name in covariates]
-        facts["place"] = [(*parts_of(name), float(observations.column(name)[here][worst])) for name in names]
+        facts["place"] = [(*parts_of(name), float(observations.column(name)[of_channel][worst])) for name in names]
     return sentence("where", "misfit", facts)
 
 

@@ -16,13 +16,13 @@ import pandas as pd
 from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.effects.conditions import Conditions
+from femfit.effects.conditions import TEMPERATURES, Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.ranking import is_coarse
 from femfit.fit.words import note
 from femfit.identify.constants import LEVEL, OWN_MISFIT, WITHIN_NOISE
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
-from femfit.identify.observations import TEMPERATURES, Observations
+from femfit.identify.observations import Observations
 from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
@@ -222,8 +222,8 @@ def measured_curves(
     keys = ("frequency_Hz", "distance_m") if observations.of_impedances else ("distance_m", "current_A")
     result = []
     for name in observations.channels:
-        here = np.flatnonzero(observations.of(name))
-        settings = {key: observations.column(key)[here] for key in keys}
+        of_channel = np.flatnonzero(observations.of(name))
+        settings = {key: observations.column(key)[of_channel] for key in keys}
         along, over = sorted(keys, key=lambda key: not np.ptp(settings[key]))
         levels = np.unique(np.quantile(settings[over], np.linspace(0.0, 1.0, _MOST_CURVES)).round(9))
         spaced = np.geomspace if along == "frequency_Hz" else np.linspace
@@ -235,7 +235,7 @@ def measured_curves(
             for effects in ((), after)
         ]
         before, fitted = (values.reshape(-1, _POINTS) for values in curves)
-        scale = 1.0 / observations.weight[here]
+        scale = 1.0 / observations.weight[of_channel]
         result.append(
             MeasuredCurves(
                 channel=name,
@@ -247,9 +247,9 @@ def measured_curves(
                 after=fitted,
                 x=settings[along],
                 level=np.argmin(np.abs(settings[over][:, None] - levels), axis=1),
-                measured=scale * observations.value[here],
-                misfit_before=scale * misfits[0][here],
-                misfit_after=scale * misfits[1][here],
+                measured=scale * observations.value[of_channel],
+                misfit_before=scale * misfits[0][of_channel],
+                misfit_after=scale * misfits[1][of_channel],
                 noise=None if name in observations.magnitude else (noise or {}).get(name),
             )
         )

@@ -7,21 +7,18 @@ time series differ only in how this view is built.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, wraps
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.core.results import Finding
+from femfit.core.results import Finding, kept
 from femfit.core.sweep_columns import is_current
-from femfit.effects.conditions import Nominal
+from femfit.effects.conditions import TEMPERATURES, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import Parameter
-
-TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
-"""Covariates of what may be warm; NaN where it was not recorded."""
 
 VOLTAGE_BALANCE = "voltage_balance"
 """How the channel of a circuit's voltage in a record begins; ``voltage_balance_V``, or ``voltage_balance_upper_V``."""
@@ -76,10 +73,10 @@ class Observations(WithoutCache):
     # Of impedances: that magnitude in the channel's unit; see ``Weighing``
     magnitude: Mapping[str, float] = field(default_factory=dict)
 
-    @cached_property
-    def of_settings(self) -> dict[Callable[..., Any], Any]:
-        """What follows from the settings alone, by the function that works it out."""
-        return {}
+    @property
+    def of_settings(self) -> "Observations":
+        """The first readings of the same settings, with which what follows from the settings alone is kept."""
+        return cast("Observations", self.__dict__.get("_of_settings", self))
 
     @cached_property
     def base(self) -> FloatArray:
@@ -181,7 +178,7 @@ class Observations(WithoutCache):
         """The same settings with other readings, of shape (M,)."""
         result = replace(self, value=value)
         result.__dict__["base"] = self.base
-        result.__dict__["of_settings"] = self.of_settings
+        result.__dict__["_of_settings"] = self.of_settings
         return result
 
 
@@ -192,14 +189,10 @@ def once_for_settings(function: Callable[[Observations], Result]) -> Callable[[O
     """Work a function out once for all readings of the same settings."""
 
     @wraps(function)
-    def remembered(observations: Observations) -> Result:
-        results = observations.of_settings
-        if function not in results:
-            results[function] = function(observations)
-        result: Result = results[function]
-        return result
+    def once(observations: Observations) -> Result:
+        return kept(observations.of_settings, function, lambda: function(observations))
 
-    return remembered
+    return once
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from femfit.core.numerics import FloatArray, IntArray, even_scale
+from femfit.effects.conditions import TEMPERATURES
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
-from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, Observations, once_for_settings
+from femfit.identify.observations import VOLTAGE_BALANCE, Observations, once_for_settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +47,15 @@ def smooth_patterns(observations: Observations) -> Patterns:
     chosen: list[Labelled] = []
     channel: list[int] = []
     for c in range(len(observations.channels)):
-        here = np.flatnonzero(observations.channel == c)
-        if len(here) < LEAST_READINGS:
+        of_channel = np.flatnonzero(observations.channel == c)
+        if len(of_channel) < LEAST_READINGS:
             continue
         # Few readings have room for the broad ones alone, of every covariate
-        labelled = sorted(_candidates(observations, here), key=itemgetter(1))
+        labelled = sorted(_candidates(observations, of_channel), key=itemgetter(1))
         columns = np.stack([column for column, _, _ in labelled], axis=1)
         # Those that the ones before them do not span to 1e-6
         triangle = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r")
-        keep = np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)[: max(1, len(here) // 3)]
+        keep = np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)[: max(1, len(of_channel) // 3)]
         channel += [c] * len(keep)
         chosen += [labelled[k] for k in keep]
     wide = np.zeros((len(observations.value), len(chosen)))
@@ -96,44 +97,44 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
     return np.asarray(observations.tolerance[:, None] * np.concatenate(scaled, axis=1))
 
 
-def _candidates(observations: Observations, here: IntArray) -> Iterator[Labelled]:
+def _candidates(observations: Observations, of_channel: IntArray) -> Iterator[Labelled]:
     """The patterns of a channel with these readings, first of the settings."""
-    x = scaled_to_one(even_scale(observations.column("distance_m")[here]))
-    y = scaled_to_one(observations.column("current_A")[here])
+    x = scaled_to_one(even_scale(observations.column("distance_m")[of_channel]))
+    y = scaled_to_one(observations.column("current_A")[of_channel])
     yield from _tensor(x, y, DEGREE)
     finest = DEGREE if observations.in_motion else FINE_DEGREE  # a record has no stage with a screw
     for z, name in ((x, "distance_m"), (y, "current_A")):
         columns = _polynomials(z, finest)
         yield from ((columns[:, k], k, frozenset({name})) for k in range(DEGREE + 1, columns.shape[1]))
     for name in observations.currents:  # further circuits: their square and what they do with the others
-        z = observations.column(name)[here]
+        z = observations.column(name)[of_channel]
         if name != observations.leading_current and np.ptp(z) > 0.0:
             yield from _beside(name, z, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (2, 1, 0)))
     if observations.of_impedances:
-        columns = _polynomials(scaled_to_one(observations.setting("frequency_Hz")[here]), FINE_DEGREE)
+        columns = _polynomials(scaled_to_one(observations.setting("frequency_Hz")[of_channel]), FINE_DEGREE)
         for k in range(1, columns.shape[1]):
             for pattern, degree, names in _tensor(x, y, max(DEGREE - k, 0)):
                 yield columns[:, k] * pattern, k + degree, names | {"frequency_Hz"}
-    branch = observations.column("branch")[here]
+    branch = observations.column("branch")[of_channel]
     if np.ptp(branch) > 0.0:
         for column, degree, names in _tensor(x, y, BRANCH_DEGREE):
             yield branch * column, 1 + degree, names | {"branch"}
-    yield from _drifting(observations, here, x, y)
+    yield from _drifting(observations, of_channel, x, y)
 
 
-def _drifting(observations: Observations, here: IntArray, x: FloatArray, y: FloatArray) -> Iterator[Labelled]:
+def _drifting(observations: Observations, of_channel: IntArray, x: FloatArray, y: FloatArray) -> Iterator[Labelled]:
     """Those of temperatures, speeds and time beside scaled distance and current."""
     for name in TEMPERATURES:
-        t = observations.column(name)[here]
+        t = observations.column(name)[of_channel]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
             yield from _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 1), (1, 1, 1), (1, 2, 0)))
     # A voltage balance is made of the very rates, noise and all: where a motion is repeated, they less a function of
     # distance, current and branch are that noise
-    of_voltage = observations.channels[observations.channel[here[0]]].startswith(VOLTAGE_BALANCE)
+    of_voltage = observations.channels[observations.channel[of_channel[0]]].startswith(VOLTAGE_BALANCE)
     motion = () if of_voltage or not observations.in_motion else ("velocity_m_s", "current_rate_A_s")
     clocks = ("order", "elapsed") if observations.clocked else ()  # the order of a file's rows is no time
     for name in (*motion, *clocks):
-        t = observations.column(name)[here]
+        t = observations.column(name)[of_channel]
         if np.ptp(t) > 0.0:
             yield from _beside(name, t, x, y, ((1, 0, 0), (2, 0, 0), (3, 0, 0), (1, 1, 0), (1, 0, 1)))
 

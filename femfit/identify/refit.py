@@ -14,10 +14,10 @@ from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray, first_best
+from femfit.core.numerics import NORMAL_95, BoolArray, FloatArray, first_best
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.signatures import EffectColumns, effect_columns, why_untestable
@@ -228,7 +228,7 @@ def refit(whitening: Whitening, start: Sequence[Start]) -> Refit:
     residual, jacobian = with_prior(x)[:readings], np.asarray(solution.jac)[:readings]
     fit = Refit(effects_at(x), free, residual, jacobian, active, root**2, tuple(start), bool(solution.status > 0))
     # 95 % intervals of what moves the prediction and is off its bounds, from the curvature
-    half = stats.norm.isf(0.025) * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    half = NORMAL_95 * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     intervals: list[dict[str, tuple[float, float]]] = [{} for _ in start]
     for j in np.flatnonzero(~active & np.any(fit.jacobian != 0.0, axis=0)):
         k, name = places[j]

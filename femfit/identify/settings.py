@@ -24,10 +24,10 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, robust_deviation
 from femfit.core.sweep_columns import current_columns, resistance_column
 from femfit.effects.catalogue import all_effects
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import TEMPERATURES, Conditions, Nominal
 from femfit.estimate.record import converter_step
 from femfit.identify.constants import IN_ORDER, LEAST_REPEATS, MOST_DROPPED, MOST_ROWS, SAME_LINE, SAME_SETTING, SHORT
-from femfit.identify.observations import TEMPERATURES, Observations, circumstances, once_for_settings
+from femfit.identify.observations import Observations, circumstances, once_for_settings
 from femfit.identify.words import finding, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
@@ -144,19 +144,20 @@ def setting_cells(observations: Observations) -> IntArray:
 
     Readings of one channel with the same number are repeats.
     """
-    keys: dict[str, Any] = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
+    keys: dict[str, Any] = {name: levels(observations.setting(name)) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
 
 
-def levels(x: FloatArray, share: float) -> IntArray:
-    """Numbers of the levels that a setting was brought to, each as wide as a part of the setting's range.
+def levels(x: FloatArray) -> IntArray:
+    """Numbers of the levels that a setting was brought to, each as wide as :data:`SAME_SETTING` of the setting's range.
 
     A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
     changes over that distance.
     """
     values, place = np.unique(x, return_inverse=True)
-    return _groups_within(values[:, None], np.array([share * np.ptp(x)]), np.zeros(len(values), dtype=bool))[place]
+    near = np.array([SAME_SETTING * np.ptp(x)])
+    return _groups_within(values[:, None], near, np.zeros(len(values), dtype=bool))[place]
 
 
 def _groups_within(values: FloatArray, near: FloatArray, begins: BoolArray) -> IntArray:

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from femfit.core.numerics import FloatArray, IntArray
+from femfit.effects.catalogue import OF_A_CIRCUIT
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.friction import REST
@@ -21,7 +22,6 @@ ROUNDED = 1e-9
 CHANGES_NOTHING = "it changes no reading at these settings"
 """Why an effect cannot be tested that would be seen at other settings."""
 
-_CIRCUIT = "current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm"
 _CALLED = {REST: "a rest on a stop"}
 
 
@@ -79,7 +79,7 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     nominal = observations.nominal
     parts, coil = _without_part(nominal), "" if nominal.peak_current_A > 0.0 else "the drawing has no coil"
     hall = "the model has no Hall element" if math.isnan(nominal.hall_quiescent_V) else ""
-    absent = {**parts, **dict.fromkeys(_CIRCUIT, coil), "hall_V": hall}
+    absent = {**parts, **dict.fromkeys(OF_A_CIRCUIT, coil), "hall_V": hall}
     for need in effect.needs:
         reasons = [absent.get(name.lstrip("~"), "") for name in need.split("|")]
         if all(reasons):

@@ -14,12 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import NORMAL_95, FloatArray
 from femfit.effects.catalogue import device_effects
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import TEMPERATURES, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.effects.words import titled, titles_of
 from femfit.identify.bench import bench_observations, measurement_of
@@ -28,7 +27,6 @@ from femfit.identify.decision.diagnose import Diagnosis
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.misfit import sweep_words
 from femfit.identify.noise.whitening import NoiseModel, Whitening
-from femfit.identify.observations import TEMPERATURES
 from femfit.identify.plan import Experiment, pair_clauses, planned_noise, possible_experiments, separation
 from femfit.identify.plausible import plausible_table
 from femfit.identify.refit import Refit, Start, starting_point
@@ -221,7 +219,7 @@ def _direct_reading(
         if added.effect.name == effect:
             values += [added.parameters[name] for name in calibration.reads]
             limits = [added.ci95.get(name, (0.0, 0.0)) for name in calibration.reads]
-            errors = np.asarray(np.ptp(limits, axis=1) / (2.0 * stats.norm.isf(0.025)))
+            errors = np.asarray(np.ptp(limits, axis=1) / (2.0 * NORMAL_95))
         for name, change in calibration.also.get(added.effect.name, {}).items():
             values[0] += change * added.parameters[name]
     return values, errors

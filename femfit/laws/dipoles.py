@@ -69,8 +69,8 @@ SHIFTED_F1E = law_of_powers(
     column_operations=7,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5), with shifted origins",
     shape=(
-        ShapeParameter("shift1_m", "m", 1e-5, 0.3, 2e-3, "depth of the image that the magnet is drawn to"),
-        ShapeParameter("shift2_m", "m", 1e-5, 0.3, 10e-3, "depth of the coil's pole"),
+        ShapeParameter("shift1_m", 1e-5, 2e-3, "depth of the image that the magnet is drawn to"),
+        ShapeParameter("shift2_m", 1e-5, 10e-3, "depth of the coil's pole"),
     ),
 )
 
@@ -84,8 +84,8 @@ TWO_DIPOLES = law_of_powers(
     column_operations=8,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 5.7: force between dipoles",
     shape=(
-        ShapeParameter("shift1_m", "m", 1e-5, 0.3, 2e-3, "depth of the nearer dipole"),
-        ShapeParameter("shift2_m", "m", 1e-5, 0.3, 30e-3, "depth of the farther dipole"),
+        ShapeParameter("shift1_m", 1e-5, 2e-3, "depth of the nearer dipole"),
+        ShapeParameter("shift2_m", 1e-5, 30e-3, "depth of the farther dipole"),
     ),
 )
 
@@ -106,8 +106,8 @@ DIPOLE_DISK = ForceLaw(
     column_operations=9,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), 1.6 (disk) and 5.7 (dipole)",
     shape=(
-        ShapeParameter("shift_m", "m", 1e-5, 0.3, 2e-3, "depth of the magnet's image"),
-        ShapeParameter("radius_m", "m", 1e-3, 0.3, 23e-3, "radius of the pole face"),
+        ShapeParameter("shift_m", 1e-5, 2e-3, "depth of the magnet's image"),
+        ShapeParameter("radius_m", 1e-3, 23e-3, "radius of the pole face"),
     ),
 )
 
@@ -126,9 +126,9 @@ DIPOLE_LOOP = ForceLaw(
     column_operations=12,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), 5.5 (loop) and 5.7 (dipole)",
     shape=(
-        ShapeParameter("shift1_m", "m", 1e-5, 0.3, 2e-3, "depth of the magnet's image"),
-        ShapeParameter("shift2_m", "m", 1e-5, 0.3, 10e-3, "depth of the loop behind the face"),
-        ShapeParameter("radius_m", "m", 1e-3, 0.3, 25e-3, "radius of the loop"),
+        ShapeParameter("shift1_m", 1e-5, 2e-3, "depth of the magnet's image"),
+        ShapeParameter("shift2_m", 1e-5, 10e-3, "depth of the loop behind the face"),
+        ShapeParameter("radius_m", 1e-3, 25e-3, "radius of the loop"),
     ),
 )
 
@@ -152,7 +152,7 @@ SHIFTED_POWERS = law_of_powers(
     powers=((2, "shift_m"), (3, "shift_m"), (4, "shift_m"), (5, "shift_m")),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
-    shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 5e-3, "depth of the expansion's centre behind the face"),),
+    shape=(ShapeParameter("shift_m", 1e-5, 5e-3, "depth of the expansion's centre behind the face"),),
 )
 
 
@@ -164,7 +164,7 @@ SHIFTED_MULTIPOLES = law_of_powers(
     powers=((4, "shift_m"), (5, "shift_m"), (6, "shift_m")),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
-    shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 10e-3, "depth of the multipoles' centre behind the face"),),
+    shape=(ShapeParameter("shift_m", 1e-5, 10e-3, "depth of the multipoles' centre behind the face"),),
 )
 
 
@@ -183,7 +183,7 @@ RATIONAL = ForceLaw(
     column_operations=8,
     reference="I. S. Gradshteyn and I. M. Ryzhik, Table of Integrals (Academic Press, 2007), 2.103 (potential)",
     shape=(
-        ShapeParameter("shift_m", "m", 1e-5, 0.3, 2e-3, "depth of the magnet's image"),
-        ShapeParameter("radius_m", "m", 1e-3, 0.3, 33e-3, "half width of the bell"),
+        ShapeParameter("shift_m", 1e-5, 2e-3, "depth of the magnet's image"),
+        ShapeParameter("radius_m", 1e-3, 33e-3, "half width of the bell"),
     ),
 )

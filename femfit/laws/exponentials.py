@@ -30,7 +30,7 @@ EXPONENTIAL_HARMONICS = ForceLaw(
     column_operations=23,
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
     passes_face=True,
-    shape=(ShapeParameter("length_m", "m", 1e-4, 0.3, 16e-3, "decay length of the first harmonic"),),
+    shape=(ShapeParameter("length_m", 1e-4, 16e-3, "decay length of the first harmonic"),),
 )
 
 
@@ -49,8 +49,8 @@ TWO_EXPONENTIALS = ForceLaw(
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
     passes_face=True,
     shape=(
-        ShapeParameter("length1_m", "m", 1e-4, 0.3, 4e-3, "decay length of the near part"),
-        ShapeParameter("length2_m", "m", 1e-4, 0.3, 16e-3, "decay length of the far part"),
+        ShapeParameter("length1_m", 1e-4, 4e-3, "decay length of the near part"),
+        ShapeParameter("length2_m", 1e-4, 16e-3, "decay length of the far part"),
     ),
 )
 
@@ -72,5 +72,4 @@ MOVING_COIL = ForceLaw(
     column_operations=HIGHEST - 1,
     reference="W. Klippel, J. Audio Eng. Soc. 54 (2006) 907, section 1 (Bl(x), L(x) and the reluctance force)",
     passes_face=True,
-    decays=False,
 )

@@ -23,18 +23,19 @@ from femfit.core.numerics import FloatArray
 
 @dataclass(frozen=True)
 class ShapeParameter:
-    """A parameter of a law's columns that does not enter linearly."""
+    """A length of a law's columns that does not enter linearly, in m; at most :data:`LONGEST_M`."""
 
     name: str
-    unit: str
     lower: float
-    upper: float
     start: float
     description: str
 
 
 Columns = Callable[[Any, Mapping[str, Any]], tuple[Any, ...]]
 """(d, shape parameters) -> a value of each column, of arrays and of expressions."""
+
+LONGEST_M = 0.3
+"""Conventional: no shape parameter of a law is longer."""
 
 STEP = 1e-30
 """Numerical: of a complex distance, whose imaginary part carries the derivative of Phi to rounding."""
@@ -71,7 +72,6 @@ class ForceLaw:
     shape: tuple[ShapeParameter, ...] = ()  # Parameters that enter nonlinearly; empty for most laws
     nonnegative: tuple[bool, ...] = field(default=())  # Which coefficients are bounded below by zero at each current
     passes_face: bool = False  # Whether the columns are finite at all distances, zero and below included
-    decays: bool = True  # Whether the columns are positive and vanish at infinity
 
     def columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
         """The columns phi at distances (n,) in m, of shape (n, k)."""
@@ -80,11 +80,6 @@ class ForceLaw:
     def potential_columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
         """Their integrals Phi at distances (n,) in m, of shape (n, k)."""
         return np.stack(self.potentials(distance, shape), axis=-1)
-
-    @property
-    def operations(self) -> int:
-        """Floating-point operations of one evaluation of F(d, i) with affine coefficient functions."""
-        return self.operations_with([(0, 1)] * len(self.basis))
 
     def operations_with(self, powers: Sequence[Sequence[int]]) -> int:
         """Floating-point operations of F(d, i) with given coefficient functions, by Horner's rule.

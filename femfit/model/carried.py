@@ -86,9 +86,9 @@ class Conductivity:
 
     parameter: str
 
-    def __call__(self, p: Parameters) -> Expression:
+    def __call__(self, factor: Expression, p: Parameters) -> Expression:
         """Factor of the eddy currents' resistances."""
-        return 1.0 / (1.0 + p[self.parameter])
+        return factor / (1.0 + p[self.parameter])
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,7 @@ def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
     Examples
     --------
     >>> z = np.array([[5.0, 2.0], [2.0, 4.0]])
-    >>> [(name, float(one)) for name, one in impedances_by_column(z, ["a", "b"]).items()][1:3]
+    >>> [(name, float(value)) for name, value in impedances_by_column(z, ["a", "b"]).items()][1:3]
     [('inductance_a_b_H', 2.0), ('inductance_a_b_shorted_H', 4.0)]
     """
     if z.shape[-1] == 1:

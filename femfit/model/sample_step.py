@@ -91,13 +91,13 @@ class SampleStep:
         """An expression's state one of :attr:`count` steps later, with the options of :meth:`step`."""
         return self.step(state, command, self.model.sample_time_s / self.count, **options)[0]
 
-    def function(self, length: float, *, driven: bool = False, free: bool = True) -> GraphFunction:
-        """(state, command) -> the parts of :meth:`step`, one below the other; made once."""
+    def function(self, length: float, *, free: bool = True) -> GraphFunction:
+        """(state, what the drivers are told) -> the parts of :meth:`step`, one below the other; made once."""
         x, u = SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits))
         return once(
             self,
-            (length, driven, free),
-            lambda: GraphFunction([x, u], ca.vertcat(*self.step(x, u, length, driven=driven, free=free))),
+            (length, free),
+            lambda: GraphFunction([x, u], ca.vertcat(*self.step(x, u, length, driven=True, free=free))),
         )
 
     def step(self, state: SX, command: SX, length: float, *, driven: bool = False, free: bool = True) -> tuple[SX, SX]:

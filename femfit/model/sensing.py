@@ -112,30 +112,33 @@ def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
     return 2 + names.index(sensor.circuit)
 
 
-def _setting(equations: "Equations", state: SX, now: Conditions) -> tuple[SX, SX]:
+def _setting(equations: "Equations", state: SX, conditions: Conditions) -> tuple[SX, SX]:
     """Distance and currents as they are recorded."""
     currents = ca.vertcat(SX(0, 1), *ca.vertsplit(equations.parts(state)[2])[: len(equations.model.circuits)])
-    return recorded_setting(equations.model.effects, state[0], currents, now)
+    return recorded_setting(equations.model.effects, state[0], currents, conditions)
 
 
-def _current(sensor: CurrentSensor, equations: "Equations", state: SX, _voltage: SX, now: Conditions) -> SX:
-    return sensor.gain * _setting(equations, state, now)[1][current_index(equations.model, sensor) - 2] + sensor.offset
+def _current(sensor: CurrentSensor, equations: "Equations", state: SX, _voltage: SX, conditions: Conditions) -> SX:
+    return (
+        sensor.gain * _setting(equations, state, conditions)[1][current_index(equations.model, sensor) - 2]
+        + sensor.offset
+    )
 
 
-def _hall(_sensor: HallSensor, equations: "Equations", state: SX, _voltage: SX, now: Conditions) -> SX:
+def _hall(_sensor: HallSensor, equations: "Equations", state: SX, _voltage: SX, conditions: Conditions) -> SX:
     """The output that belongs to the distance and the current of the reading."""
     model, (distance, _, currents, _) = equations.model, equations.parts(state)
     sensor, eddy = model.without_effects.require_sensor(), model.eddy
-    then = hall_point(model.effects, distance, currents, now)
-    field = model.require_sensor().field.with_memory(now.memory)
+    then = hall_point(model.effects, distance, currents, conditions)
+    field = model.require_sensor().field.with_memory(conditions.memory)
     value = field(*then) if eddy is None else eddy.field(field, *then)
     output, first = sensor.quiescent_V + sensor.sensitivity_V_per_T * value, currents[0] if currents.numel() else SX(0)
-    return SX(recorded(model.effects, {"hall_V": output}, distance, first, now)["hall_V"])
+    return SX(recorded(model.effects, {"hall_V": output}, distance, first, conditions)["hall_V"])
 
 
-def _force(_sensor: ForceSensor, equations: "Equations", state: SX, _voltage: SX, now: Conditions) -> SX:
+def _force(_sensor: ForceSensor, equations: "Equations", state: SX, _voltage: SX, conditions: Conditions) -> SX:
     model, (distance, _, currents, memory) = equations.model, equations.parts(state)
-    place = distance, currents[0] if currents.numel() else SX(0), now
+    place = distance, currents[0] if currents.numel() else SX(0), conditions
     force = -ca.gradient(model.windings.magnetics.with_memory(memory)(distance, currents), distance)
     force = with_further_force(model.effects, force, *place)
     return SX(recorded(model.effects, {"force_N": force}, *place)["force_N"])

@@ -6,7 +6,6 @@ sensor of a model reads what is recorded, so that it undoes the same effects.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
 from femfit.effects.catalogue import of_any_device, source_scales
-from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
+from femfit.effects.conditions import NO_MAGNET, TEMPERATURES, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_by, changed_coenergy, circuit_of, recorded, true_setting
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
@@ -27,8 +26,6 @@ from femfit.model.several_magnetics import CoenergyTensor
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
-
-TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 
 
 def nominal_of(model: "ActuatorModel") -> Nominal:
@@ -201,7 +198,7 @@ def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> 
     (magnets, *currents), eddy = source_scales(effects, base.eddy.circuits), base.eddy
     if any(scale != 1.0 for scale in (magnets, *currents)):
         eddy = eddy.scaled(magnets, np.array(currents))
-    factor = prod(added.effect.eddy(added.parameters) for added in effects if added.effect.eddy is not None)
+    factor = changed_by(effects, "eddy", 1.0)
     # Itself where nothing changes it: what was made of its splines stays
     return eddy if factor == 1.0 else replace(eddy, resistances_ohm=factor * eddy.resistances_ohm)
 
@@ -210,7 +207,7 @@ def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect],
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None
-    factor = prod(added.effect.eddy(added.parameters) for added in effects if added.effect.eddy is not None)
+    factor = changed_by(effects, "eddy", 1.0)
     return base.eddy.patterns(distance, source_scales(effects, base.eddy.circuits)[1:], factor)
 
 

@@ -14,7 +14,6 @@ from femfit.device.electrics import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
 from femfit.fit.constants import TARGET
-from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows
 from femfit.model.several_magnetics import NETWORK, OPERATIONS
 from femfit.report.cutaway import draw_off_screen
@@ -67,6 +66,7 @@ def draw_figures(content: ReportContent, draw: Draw = draw_off_screen) -> dict[s
 
 def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
     """The report as HTML text with pictures from :func:`draw_figures`."""
+    ranking = content.fit and content.fit.ranking
     model, actuator, rows, strongest = content.model, content.actuator, content.rows, content.strongest
     facts = {
         "title": model.name,
@@ -82,7 +82,7 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
         "line_flux_Wb": None if content.field is None else line_flux(content.field),
         "sweep": None if rows is None else _sweep_facts(content, rows, content.grid),
-        "laws": content.fit if _ranked(content.fit) else None,
+        "laws": content.fit if ranking and ranking.recommended.fit else None,
         "coenergy": None if content.fit is None else content.fit.coenergy,
         **_CONSTANTS,
         "hall": _hall_facts(content),
@@ -91,11 +91,6 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
         "provenance": _provenance(content),
     }
     return render("actuator.html.j2", facts, figures)
-
-
-def _ranked(fit: FitResult | None) -> bool:
-    """Whether a law was found in the fit's ranking."""
-    return fit is not None and fit.ranking is not None and fit.ranking.recommended.fit is not None
 
 
 def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]:

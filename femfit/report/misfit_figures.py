@@ -158,14 +158,14 @@ def _draw(above: Axes, below: Axes, curves: MeasuredCurves, lines: FloatArray, m
     factor, size = _SETTING[curves.along], axis_scale(curves.measured, curves.channel)[0]
     small = axis_scale(curves.misfit_before, curves.channel)[0]
     for k, (level, colour) in enumerate(zip(curves.levels, ordered_colours(len(curves.levels)), strict=True)):
-        here = curves.level == k
+        at_level = curves.level == k
         label = quantity(level, curves.over)
         if len(lines):
             above.plot(factor * curves.axis, size * lines[k], color=colour, linewidth=1.2, label=label)
         measured = "" if len(lines) else label
         look: dict[str, Any] = {"color": colour, "markersize": 2.8, "fillstyle": "none", "label": measured}
-        above.plot(factor * curves.x[here], size * curves.measured[here], "o", **look)
-        below.plot(factor * curves.x[here], small * misfit[here], "o", color=colour, markersize=2.2)
+        above.plot(factor * curves.x[at_level], size * curves.measured[at_level], "o", **look)
+        below.plot(factor * curves.x[at_level], small * misfit[at_level], "o", color=colour, markersize=2.2)
     below.axhline(0.0, color=INK, linewidth=0.8)
     if curves.along == "frequency_Hz":
         below.set_xscale("log")

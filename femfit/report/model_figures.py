@@ -142,7 +142,7 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
     """Draw the sensor's output as the coil's part over voltage (or current), and as it is without current."""
     sensor = model.require_sensor()
     figure = new_figure(3.0)
-    coil, *rest = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
+    coil, *others = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
     currents, distances = rows.currents, rows.distances
     fine = np.linspace(currents[0], currents[-1], POINTS)
     resistance = None if model.circuit is None else model.circuit.resistance_ohm
@@ -154,9 +154,9 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
         coil.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=text)
     label(coil, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
     coil.legend(loc="upper left")
-    if not rest:
+    if not others:
         return figure
-    right = rest[0]
+    right = others[0]
     span = np.linspace(distances[0], distances[-1], POINTS)
     right.plot(MM * span, sensor.voltage(span, np.zeros_like(span)), color=BLUE, label=words("hall", "fitted"))
     if rows.hall is not None and np.any(rows.current == 0.0):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.errors import TableError
+from femfit.core.numerics import NORMAL_95
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.observe import Observation, observe
 from femfit.estimate.prepare import recorded_sensors, with_recorded_sensors
@@ -132,7 +133,7 @@ def replay_figure(observation: Observation, after: Observation | None = None) ->
     for (_, replayed), colour in zip(lines, _COLOURS, strict=False):
         ratio = replayed.innovation[every] / np.sqrt(replayed.variance[every])
         panels[2].plot(time, ratio, ".", color=colour, markersize=1.0)
-    for limit in (-1.96, 1.96):
+    for limit in (-NORMAL_95, NORMAL_95):
         panels[2].axhline(limit, color=INK, linewidth=0.7, dashes=(2, 2))
     panels[2].set(ylabel=words("replay", "innovation"), xlabel=words("replay", "time"), ylim=(-6.0, 6.0))
     figure.align_ylabels()

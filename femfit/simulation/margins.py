@@ -127,24 +127,25 @@ def margins(
 
 def gain_margins(L: ComplexArray) -> tuple[float, float]:
     """The factors nearest to one, below and above it, that bring L to -1; 0 and infinity where there are none."""
-    real, imaginary = L.real, L.imag
-    turns = np.flatnonzero(imaginary[:-1] * imaginary[1:] < 0.0)
-    share = imaginary[turns] / (imaginary[turns] - imaginary[turns + 1])
+    (real,) = _at_zeros(L.imag, L.real)
     ends = L[[0, -1]]
     ends = ends[np.abs(ends.imag) < ON_AXIS * np.abs(ends.real)]
-    crossings = np.append(real[turns] + share * (real[turns + 1] - real[turns]), ends.real)
+    crossings = np.append(real, ends.real)
     factors = -1.0 / crossings[crossings < 0.0]
     return float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors > 1.0].min(initial=np.inf))
 
 
 def phase_and_delay_margin(w: FloatArray, L: ComplexArray) -> tuple[float, float]:
     """Least lag in rad, either way, at a gain of one, and least delay in s that makes such a lag."""
-    size = np.log(np.abs(L))
-    turns = np.flatnonzero(size[:-1] * size[1:] < 0.0)
-    if not turns.size:
+    frequency, phase = _at_zeros(np.log(np.abs(L)), w, np.unwrap(np.angle(L)))
+    if not frequency.size:
         return np.pi, np.inf
-    share = size[turns] / (size[turns] - size[turns + 1])
-    frequency = w[turns] + share * (w[turns + 1] - w[turns])
-    phases = np.unwrap(np.angle(L))
-    lag = np.mod(phases[turns] + share * (phases[turns + 1] - phases[turns]) + np.pi, 2.0 * np.pi)  # 0 at -1
+    lag = np.mod(phase + np.pi, 2.0 * np.pi)  # 0 at -1
     return float(np.minimum(lag, 2.0 * np.pi - lag).min()), float((lag / frequency).min())
+
+
+def _at_zeros(values: FloatArray, *others: FloatArray) -> list[FloatArray]:
+    """Others, each (n,), where values (n,) change their sign, all linear from point to point."""
+    turns = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    share = values[turns] / (values[turns] - values[turns + 1])
+    return [other[turns] + share * (other[turns + 1] - other[turns]) for other in others]

@@ -169,7 +169,7 @@ class DirectObserver:
         state[: 2 + n] = mean[:, : 2 + n].T
         state[0] = np.clip(state[0], box.distance_min_m, box.distance_max_m)
         state[1] = np.clip(state[1], (box.distance_min_m - state[0]) / time, (box.distance_max_m - state[0]) / time)
-        step = model.sample_step.function(time / count, driven=True, free=False)
+        step = model.sample_step.function(time / count, free=False)
         for _ in range(count):
             state = step(state, command.T)[:-1]
         return state[2 : 2 + n].T

@@ -100,7 +100,7 @@ class Plant:
         """
         ends, n = self.model.require_motion().ends, len(self.model.circuits)
         commands = np.broadcast_to(command[:, None] if command.ndim == 1 else command, (len(state), n))
-        step = self.model.sample_step.function(self.model.sample_time_s / self.steps, driven=True)
+        step = self.model.sample_step.function(self.model.sample_time_s / self.steps)
         for _ in range(self.steps):
             moved = step(state.T, commands.T).T
             state, way = moved[:, :-1], moved[:, -1]

@@ -43,8 +43,8 @@ class Sensing(Plotted):
     Examples
     --------
     >>> import femfit as ff
-    >>> found = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
-    >>> print(str(found).splitlines()[0])
+    >>> sensing = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
+    >>> print(str(sensing).splitlines()[0])
     Distance from hall alone, 2 simulated runs:
     """
 
@@ -137,8 +137,8 @@ def sense(
     Examples
     --------
     >>> import femfit as ff
-    >>> found = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
-    >>> found.rms_m.shape == found.bound_m.shape
+    >>> sensing = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
+    >>> sensing.rms_m.shape == sensing.bound_m.shape
     True
     """
     model = model_of(model)

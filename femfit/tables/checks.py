@@ -127,13 +127,13 @@ def _by_limits(values: FloatArray, name: str, limits: tuple[float, float]) -> li
     """The unit or sign by which settings that lie outside of a model's limits lie inside."""
     low, high = limits
     slack = 0.05 * (high - low)
-    now = (values >= low - slack) & (values <= high + slack)
+    as_read = (values >= low - slack) & (values <= high + slack)
     for unit, factor in (common_factors(name) | {OTHER_SIGN: -1.0}).items():
         converted = factor * values
-        then = (converted >= low - slack) & (converted <= high + slack)
-        few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
+        as_converted = (converted >= low - slack) & (converted <= high + slack)
+        few = as_read[~(as_read & as_converted)].sum() < 0.2 * len(values)  # no current is none in any unit
         reaches = float(np.abs(converted).max(initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
-        if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
+        if reaches and few and (as_converted & ~as_read).sum() >= LEAST_READINGS and as_converted.mean() > 0.8:
             why = "few rows lie in the model's range, but then they would"
             return [other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why)]
     return []

@@ -197,11 +197,9 @@ def is_inductance_table(path: Path) -> bool:
         return False
 
 
-def read_inductance_table(
-    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str | float] | None = None
-) -> InductanceTable:
+def read_inductance_table(path: Path) -> InductanceTable:
     """Read measured inductances, a bench table of ``distance_m, current_A, inductance_H`` in these or other units."""
-    bench = read_bench_table(path, columns=columns, units=units)
+    bench = read_bench_table(path)
     if lacking := {"current_A", "inductance_H"} - set(bench.given):
         raise refused("no-inductance-table", path=path, lacking=" and ".join(sorted(lacking)))
     d, i, inductance = bench.rows[["distance_m", "current_A", "inductance_H"]].to_numpy().T

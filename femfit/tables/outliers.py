@@ -171,25 +171,25 @@ def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatAr
     """Whether a reading over its prediction is of the other sign than all neighbours, or off by a factor of two."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = 1.0 + value / predicted
-    around, here = ratio[neighbours], ratio[k]
+    around, reading = ratio[neighbours], ratio[k]
     one_sign = np.isfinite(around).all() and (np.all(around > 0.0) or np.all(around < 0.0))
-    if not one_sign or np.isnan(here):
+    if not one_sign or np.isnan(reading):
         return False
-    here, around = here * np.sign(around[0]), np.abs(around)
-    return bool(here < around.min() / _SLIP or here > _SLIP * around.max())
+    reading, around = reading * np.sign(around[0]), np.abs(around)
+    return bool(reading < around.min() / _SLIP or reading > _SLIP * around.max())
 
 
 def _nearest(place: FloatArray, run: IntArray) -> IntArray:
     """Indices of each reading's neighbours in its run, shape (n, neighbours); -1 where there are too few."""
     result = np.full((len(place), _NEIGHBOURS), -1, dtype=np.intp)
     for number in np.unique(run):
-        here = np.flatnonzero(run == number)
-        if len(here) <= _LEAST:
+        of_run = np.flatnonzero(run == number)
+        if len(of_run) <= _LEAST:
             continue
-        count = min(_NEIGHBOURS, len(here) - 1)
-        _, index = cKDTree(place[here]).query(place[here], k=count + 1)
+        count = min(_NEIGHBOURS, len(of_run) - 1)
+        _, index = cKDTree(place[of_run]).query(place[of_run], k=count + 1)
         for row, nearest in enumerate(np.asarray(index)):
-            result[here[row]] = np.resize(here[nearest[nearest != row][:count]], _NEIGHBOURS)
+            result[of_run[row]] = np.resize(of_run[nearest[nearest != row][:count]], _NEIGHBOURS)
     return result
 
 
@@ -201,9 +201,9 @@ def _planes(value: FloatArray, offset: FloatArray) -> FloatArray:
     """
     columns, centre = np.concatenate([np.ones((*value.shape, 1)), offset], axis=2), np.median(value, axis=1)
     size = columns.shape[2]
-    rest, planes = np.abs(value - centre[:, None]), np.zeros((len(value), size))
+    residual, planes = np.abs(value - centre[:, None]), np.zeros((len(value), size))
     for _ in range(_PLANES):
-        keep = rest <= 3.0 * robust_deviation(rest, axis=1)[:, None]
+        keep = residual <= 3.0 * robust_deviation(residual, axis=1)[:, None]
         keep |= (keep.sum(axis=1) < size + 2)[:, None]
         weighted = columns * keep[:, :, None]
         gram = np.einsum("mja,mjb->mab", weighted, columns)
@@ -211,5 +211,5 @@ def _planes(value: FloatArray, offset: FloatArray) -> FloatArray:
         right = np.einsum("mja,mj->ma", weighted, value - centre[:, None])
         planes = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
         planes[:, 0] += centre
-        rest = np.abs(value - np.einsum("mjk,mk->mj", columns, planes))
+        residual = np.abs(value - np.einsum("mjk,mk->mj", columns, planes))
     return np.asarray(planes)

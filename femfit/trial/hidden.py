@@ -100,13 +100,13 @@ def saturable_core(
 
 def possible_errors(actuator: Actuator) -> list[str]:
     """The errors that can be hidden in a device."""
-    there = {
+    present = {
         "": True,
         _MAGNET: any(map(is_magnet, actuator.regions)),
         _HALL: actuator.hall is not None,
         _IRON: any(map(is_linear_iron, actuator.regions)),
     }
-    return [name for name, error in HIDDEN_ERRORS.items() if there[error.needs]]
+    return [name for name, error in HIDDEN_ERRORS.items() if present[error.needs]]
 
 
 def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:

@@ -34,7 +34,7 @@ def test_a_covariance_that_is_lost_is_named_and_its_run_becomes_nan(process, fil
     state = filter_.start(START, initial_covariance(), runs=2)
     for _ in range(5):
         state = filter_.step(state, 0.86, process.measure("hall", START[None])[0])
-    assert state.outcomes() == (FilterOutcome.COVARIANCE_LOST,) * 2
+    assert state.outcome.tolist() == [FilterOutcome.COVARIANCE_LOST] * 2
     assert np.isnan(state.mean).all()
 
 
@@ -45,7 +45,7 @@ def test_a_reading_that_is_infinite_ends_its_own_run_only(process, filter_class)
     hall = float(process.measure("hall", START[None])[0])
     state = filter_.step(state, 0.86, np.array([hall, np.inf, hall]))
     state = filter_.step(state, 0.86, hall)
-    assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.NOT_FINITE, FilterOutcome.RUNNING)
+    assert state.outcome.tolist() == [FilterOutcome.RUNNING, FilterOutcome.NOT_FINITE, FilterOutcome.RUNNING]
     assert np.isnan(state.mean[1]).all()
     assert np.isfinite(state.mean[[0, 2]]).all()
 
@@ -59,8 +59,8 @@ def test_what_goes_wrong_is_named_alike_in_one_run_in_many_and_by_the_general_pa
     hall, outcome = float(reading), OF_READING.get(reading)
     filter_ = kalman_filter(levitation_model, kind)
     alone, two = (filter_.start([0.022, 0.0, 0.32], runs=runs) for runs in (1, 2))
-    named = {filter_.step(alone, 0.86, hall).outcomes()[0], *filter_.step(two, 0.86, hall).outcomes()}
-    named |= {*filter_.update(filter_.predict(alone, 0.86), hall).outcomes()}
+    named = {*filter_.step(alone, 0.86, hall).outcome, *filter_.step(two, 0.86, hall).outcome}
+    named |= {*filter_.update(filter_.predict(alone, 0.86), hall).outcome}
     assert len(named) == 1
     assert outcome in {None, *named}
 
@@ -82,7 +82,7 @@ def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_win
         state = filter_.update(held, np.array([jumping, clean]))
         if named_at is None and state.diverged[0]:
             named_at = k
-    assert state.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND, FilterOutcome.RUNNING)
+    assert state.outcome.tolist() == [FilterOutcome.INNOVATIONS_OUT_OF_BAND, FilterOutcome.RUNNING]
     # The fraction 1 - (1 - 1/50)^k passes one half at the 35th innovation out of the band.
     assert named_at == 34
     assert np.isfinite(state.mean[0]).all()
@@ -108,7 +108,7 @@ def test_states_are_never_changed_in_place_and_the_first_outcome_stays(process, 
     far = np.array([START, [0.2, 0.0, 0.3], [0.022, 0.0, 9.0]])
     state = filter_.predict(filter_.start(far, initial_covariance()), 0.86)
     state = filter_.update(state, np.nan)
-    assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
+    assert state.outcome.tolist() == [FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL]
     after, slopes = process.with_slopes(np.zeros((0, process.order)), np.zeros(0))  # of no body at all
     assert (after.shape, slopes.shape) == ((0, process.order), (0, process.order, process.order))
 

@@ -22,7 +22,7 @@ from femfit.device.load import read_actuator
 from femfit.device.parts import Coil
 from femfit.device.thermal import AIR_CONDUCTIVITY, thermal_of
 from femfit.heat.balance import largest_factor, settled, time_until
-from femfit.heat.network import DENSEST, NOTHING, OPEN, HeatNetwork, faces_of, heat_network, stars, winding_heat
+from femfit.heat.network import NOTHING, OPEN, HeatNetwork, faces_of, heat_network, stars, winding_heat
 from support.actuators import GEOMETRY
 
 
@@ -226,17 +226,16 @@ def test_a_varnished_winding_conducts_as_it_was_measured():
     """A. A. Wereszczak and others, J. Thermal Science and Engineering Applications: 0.5 to 1 W/(m K) at 50 % copper."""
     area = (OUTER - INNER) * HEIGHT
     half = coil(turns=0.5 * area / (0.25 * math.pi * 7e-4**2), wire_diameter_m=7e-4)
-    found = winding_heat(half, 0.25)
-    assert found.copper_share == pytest.approx(0.5)
-    assert 0.5 < found.conductivity_W_per_m_K < 1.0
+    assert 0.5 < winding_heat(half, 0.25).conductivity_W_per_m_K < 1.0
 
 
 def test_an_unknown_wire_follows_from_the_resistance():
     given = 200 * 2 * math.pi * 0.0085 * 1.7241e-8 / (0.25 * math.pi * 4e-4**2)
     known = winding_heat(coil(resistance_ohm=given), 0.1)
     unknown = winding_heat(coil(resistance_ohm=given, wire_diameter_m=None), 0.1)
-    assert unknown.copper_share == pytest.approx(known.copper_share)
-    assert winding_heat(coil(resistance_ohm=1e-4, wire_diameter_m=None), 0.1).copper_share == DENSEST
+    assert unknown.conductivity_W_per_m_K == pytest.approx(known.conductivity_W_per_m_K)
+    densest, denser = (winding_heat(coil(resistance_ohm=r, wire_diameter_m=None), 0.1) for r in (1e-4, 1e-5))
+    assert densest.conductivity_W_per_m_K == denser.conductivity_W_per_m_K > known.conductivity_W_per_m_K
 
 
 def test_the_drawings_resistance_holds_at_the_drawings_temperature():

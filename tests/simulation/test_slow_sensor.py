@@ -64,8 +64,7 @@ def test_the_band_of_the_innovations_counts_the_readings(slow):
     assert loop.held == 3
     band = chi2.ppf([0.025, 0.975], 300) / 300
     found = loop.innovation_band
-    # Wilson and Hilferty's quantiles
-    assert (found.lower, found.upper) == pytest.approx(tuple(band), rel=1e-3)
+    assert (found.lower, found.upper) == pytest.approx(tuple(band), rel=1e-12)
     squared = loop.result
     assert squared.readings.tolist() == [100.0] * 3
     assert loop.normalised_innovation_squared == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 300))

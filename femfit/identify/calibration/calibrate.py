@@ -93,11 +93,11 @@ def calibrate(
     Examples
     --------
     >>> place, effects = "sensors.hall.z_mm", ["core_saturation"]
-    >>> found = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers=place, effects=effects)
-    >>> number = found.numbers[0]
+    >>> calibrated = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers=place, effects=effects)
+    >>> number = calibrated.numbers[0]
     >>> number.drawn, number.unit
     (0.0, 'mm')
-    >>> changed = found.drawing  # the text of the new drawing, ready to be written
+    >>> changed = calibrated.drawing  # the text of the new drawing, ready to be written
     """
     say = progress or (lambda _: None)
     say("Reading")
@@ -149,55 +149,55 @@ class _Task:
     swept: Callable[..., Redrawn]  # (drawing, sweeps), in the directory of the calibrated one
     say: Callable[[str], None]
 
-    def settled(self, now: Estimate, most: int = MOST_STEPS) -> Estimate:
+    def settled(self, best: Estimate, most: int = MOST_STEPS) -> Estimate:
         """The drawing swept anew, once at least, until a step is short and lowers the misfit no more.
 
         Fields that are solved on other meshes differ: two sweeps in a row without a lower misfit end it as well.
         """
-        share, good, in_vain, last = 1.0, 0, 0, now
+        share, good, in_vain, last = 1.0, 0, 0, best
         for _ in range(MOST_STEPS):
             if good == most or in_vain == MOST_IN_VAIN:
                 break
-            if last is now and now.redrawn.sweeps > 1 and now.step <= CALIBRATION_SETTLED and now.fall <= RISE:
+            if last is best and best.redrawn.sweeps > 1 and best.step <= CALIBRATION_SETTLED and best.fall <= RISE:
                 break
             self.say(f"Sweeping the drawing anew, step {last.redrawn.sweeps}")
-            drawing, values = _moved(self.source, now, share)
-            last = estimate(self.swept(drawing, sweeps=last.redrawn.sweeps + 1), now.choice, values)
-            gain = now.cost(last) - last.cost(last)
+            drawing, values = _moved(self.source, best, share)
+            last = estimate(self.swept(drawing, sweeps=last.redrawn.sweeps + 1), best.choice, values)
+            gain = best.cost(last) - last.cost(last)
             in_vain = 0 if gain > RISE else in_vain + 1
             if gain >= -RISE:
-                now, share, good = last, min(1.0, 2.0 * share), good + 1
+                best, share, good = last, min(1.0, 2.0 * share), good + 1
             else:
                 share *= 0.5
-        if last is not now:  # what lies in the directory is what is said
-            again = self.swept(now.redrawn.drawing, sweeps=last.redrawn.sweeps + 1)
-            now = estimate(again, now.choice, now.values)
-        return now
+        if last is not best:  # what lies in the directory is what is said
+            again = self.swept(best.redrawn.drawing, sweeps=last.redrawn.sweeps + 1)
+            best = estimate(again, best.choice, best.values)
+        return best
 
-    def completed(self, now: Estimate, *, asked: bool) -> Estimate:
+    def completed(self, best: Estimate, *, asked: bool) -> Estimate:
         """The same with what is missing beside it, as a diagnosis with the numbers free names it after each step."""
         for _ in range(MOST_ROUNDS):
-            now = self.settled(now, 1)
+            best = self.settled(best, 1)
             self.say("Diagnosing what is left")
-            decision, choice = decide_beside(now, self.measured), now.choice
+            decision, choice = decide_beside(best, self.measured), best.choice
             wider = with_named(choice, decision, self.source.suspects, asked=asked)
-            drawn = [number.value for number in wider.numbers[len(now.values) :]]
-            now = estimate(now.redrawn, wider, np.append(now.values, drawn))
+            drawn = [number.value for number in wider.numbers[len(best.values) :]]
+            best = estimate(best.redrawn, wider, np.append(best.values, drawn))
             if (wider.numbers, wider.beside) == (choice.numbers, choice.beside):
                 break
-        return self.settled(now)
+        return self.settled(best)
 
 
-def _moved(source: Drawing, now: Estimate, share: float) -> tuple[Drawing, FloatArray]:
+def _moved(source: Drawing, best: Estimate, share: float) -> tuple[Drawing, FloatArray]:
     """The drawing after a part of a step; a shorter one where it cannot be built.
 
     Values are rounded to a hundredth of the error that each would have, were all others known.
     """
-    places = 2 + np.ceil(0.5 * np.log10(np.diag(now.information))).astype(int)
+    places = 2 + np.ceil(0.5 * np.log10(np.diag(best.information))).astype(int)
     for halving in range(HALVINGS + 1):
-        moved = now.values + share * now.change / 2**halving
+        moved = best.values + share * best.change / 2**halving
         values = np.array([round(float(x), int(n)) for x, n in zip(moved, places, strict=True)])
-        drawing = source.with_values(now.choice.numbers, values)
+        drawing = source.with_values(best.choice.numbers, values)
         try:
             _ = drawing.numbers
         except ActuatorFileError:

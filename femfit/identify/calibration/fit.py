@@ -190,22 +190,22 @@ def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
     return Estimate(redrawn, choice, values, fit, beside)
 
 
-def decide_beside(now: Estimate, measured: Measurement) -> Decision:
+def decide_beside(best: Estimate, measured: Measurement) -> Decision:
     """The decision about what the calibrated drawing leaves.
 
     Had a cause been overlooked, the numbers would have been fitted to it as well, and what they leave of it would look
     like another. So what was fitted is free in this decision: its columns scatter as the noise does, each number by its
     tolerance and each effect by its plausible range.
     """
-    observations = placed(with_effects(now.redrawn.model, now.beside), measured)
-    fitted = now.fit.effects
-    campaign = gather(observations, considered_effects(now.fit.names, observations.nominal))
+    observations = placed(with_effects(best.redrawn.model, best.beside), measured)
+    fitted = best.fit.effects
+    campaign = gather(observations, considered_effects(best.fit.names, observations.nominal))
     if isinstance(campaign, Finding):
         return Decision("compare_only")
     free = [
         columns.columns * [start.prior_sd if np.isfinite(start.prior_sd) else p.width for p in columns.amplitudes]
-        for added, start in zip(fitted, now.fit.start, strict=True)
-        for columns in columns_at(added, now.redrawn.whitening.observations)
+        for added, start in zip(fitted, best.fit.start, strict=True)
+        for columns in columns_at(added, best.redrawn.whitening.observations)
     ]
     own_misfit = campaign.whitening.misfit
     misfit = np.concatenate([*([] if own_misfit is None else [own_misfit]), *free], axis=1)

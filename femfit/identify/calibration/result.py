@@ -75,8 +75,8 @@ class CalibrationResult(Result):
     --------
     >>> import femfit as ff
     >>> place, effects = "sensors.hall.z_mm", ["core_saturation"]
-    >>> found = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers=place, effects=effects)
-    >>> [one.key for one in found.numbers]
+    >>> calibrated = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers=place, effects=effects)
+    >>> [number.key for number in calibrated.numbers]
     ['sensors.hall.z_mm']
     """
 
@@ -108,40 +108,40 @@ class CalibrationResult(Result):
     findings: tuple[Finding, ...] = ()
 
     @classmethod
-    def of(cls, first: Redrawn, now: Estimate) -> Self:
+    def of(cls, first: Redrawn, last: Estimate) -> Self:
         """What an estimate says beside the drawing as it was."""
-        whitening, fit = now.redrawn.whitening, now.fit
+        whitening, fit = last.redrawn.whitening, last.fit
         observations, noise = whitening.observations, whitening.noise
-        facts = fit_facts(whitening, (), now.beside, fit.jacobian[:, ~fit.active])
+        facts = fit_facts(whitening, (), last.beside, fit.jacobian[:, ~fit.active])
         before = first.whitening.observations.rms(first.whitening.observations.residual)
         fitted = unseen = ErrorFall(tuple(replace(c, rms_before=before[c.channel]) for c in facts["fall"].channels))
         if observations.runs > 1:  # numbers and effects fitted to the other runs, about the calibrated drawing
             left_out = unseen_error(whitening, fit)
             unseen = ErrorFall(tuple(replace(fall, rms_after=left_out[fall.channel]) for fall in fitted.channels))
         rms = {name: max(fitted.rms_after[name], unseen.rms_after[name]) for name in observations.channels}
-        sds = (np.sqrt(np.diag(covariance)).tolist() for covariance in (now.error, now.covariance))
+        sds = (np.sqrt(np.diag(covariance)).tolist() for covariance in (last.error, last.covariance))
         numbers = tuple(
-            CalibratedNumber.of(*values) for values in zip(now.choice.numbers, now.values.tolist(), *sds, strict=True)
+            CalibratedNumber.of(*values) for values in zip(last.choice.numbers, last.values.tolist(), *sds, strict=True)
         )
-        undetermined = open_combinations(numbers, now.covariance)
+        undetermined = open_combinations(numbers, last.covariance)
         return cls(
-            drawing=now.redrawn.drawing.text,
-            table=now.redrawn.table,
-            model=with_effects(now.redrawn.model, of_last_run(now.beside, observations)),
+            drawing=last.redrawn.drawing.text,
+            table=last.redrawn.table,
+            model=with_effects(last.redrawn.model, of_last_run(last.beside, observations)),
             model_as_drawn=first.model,
             numbers=numbers,
-            covariance=now.error,
-            beside=now.beside,
+            covariance=last.error,
+            beside=last.beside,
             unseen=unseen if observations.runs > 1 else None,
             fitted=fitted,
             undetermined=undetermined,
             lack_of_fit=facts["lack_of_fit_after"],
             beyond_noise=beyond_noise(observations, noise, rms),
             verdict=verdict(whitening, facts["lack_of_fit_after"], rms),
-            sweeps=now.redrawn.sweeps,
-            step=now.step,
-            settled=now.step <= CALIBRATION_SETTLED,
-            remarks=remarks(now, numbers, undetermined),
+            sweeps=last.redrawn.sweeps,
+            step=last.step,
+            settled=last.step <= CALIBRATION_SETTLED,
+            remarks=remarks(last, numbers, undetermined),
             findings=(*observations.findings, *guessed_noises(noise)),
         )
 
@@ -194,15 +194,17 @@ def open_combinations(numbers: Sequence[CalibratedNumber], covariance: FloatArra
     return tuple(result)
 
 
-def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Sequence[Combination]) -> tuple[str, ...]:
+def remarks(
+    last: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Sequence[Combination]
+) -> tuple[str, ...]:
     """What a reader of the numbers must know besides."""
     away = [abs(number.value - number.drawn) / number.tolerance for number in numbers]
     text = printed(
         "calibration_remarks",
-        remarks=now.choice.remarks.values(),
+        remarks=last.choice.remarks.values(),
         undetermined=undetermined,
         by_key={number.key: number for number in numbers},
         mostly_unfitted=any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers),
-        checked=zip(numbers, now.choice.numbers, away, strict=True),
+        checked=zip(numbers, last.choice.numbers, away, strict=True),
     )
     return tuple(text.splitlines())

@@ -109,18 +109,18 @@ class Campaign(WithoutCache):
 
         What stays keeps its size, so that it is the noise that every command states.
         """
-        now, before = beside_effects(self.whitening, effects).noise, self.noise
-        less = {name: np.less(vars(now)[name], STILL_THE_NOISE * vars(before)[name]) for name in VARIANCES}
+        noise, before = beside_effects(self.whitening, effects).noise, self.noise
+        less = {name: np.less(vars(noise)[name], STILL_THE_NOISE * vars(before)[name]) for name in VARIANCES}
         if not any(map(np.any, less.values())):
             return None
-        other_source = [now.source.get(name) != before.source.get(name) for name in now.channels]
+        other_source = [noise.source.get(name) != before.source.get(name) for name in noise.channels]
         less |= dict.fromkeys(OF_SIGMA, less["sigma"] | other_source) | {"mount_assumed": less["mount_m"]}
         taken = {
-            name: vars(now)[name] if np.all(which) else np.where(which, vars(now)[name], vars(before)[name])
+            name: vars(noise)[name] if np.all(which) else np.where(which, vars(noise)[name], vars(before)[name])
             for name, which in less.items()
             if np.any(which)
         }
-        return self.whitened_by(replace(self.whitening, noise=replace(before, source=now.source, **taken)))
+        return self.whitened_by(replace(self.whitening, noise=replace(before, source=noise.source, **taken)))
 
     def whitened_by(self, whitening: Whitening) -> "Campaign":
         """The same readings and effects by another map to independent readings."""

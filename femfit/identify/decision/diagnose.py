@@ -69,8 +69,8 @@ class Diagnosis(Plotted, Result, Decision):
     Examples
     --------
     >>> import femfit as ff
-    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv")
-    >>> found.verdict
+    >>> diagnosis = ff.diagnose(ff.read_model("model.json"), "bench.csv")
+    >>> diagnosis.verdict
     'named'
     """
 
@@ -178,8 +178,8 @@ def diagnose(
 
     Examples
     --------
-    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv")
-    >>> found.verdict, [one.name for one in found.missing]
+    >>> diagnosis = ff.diagnose(ff.read_model("model.json"), "bench.csv")
+    >>> diagnosis.verdict, [effect.name for effect in diagnosis.missing]
     ('named', ['coil_temperature', 'core_saturation'])
     """
     say = progress or (lambda _: None)

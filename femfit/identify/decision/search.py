@@ -274,8 +274,8 @@ class Search:
         campaign, starts = self.campaign, self.explanations[names].starts
         fit, observations = refit(campaign.whitening, starts), campaign.observations
         value = np.array([(fit.effects[k].parameters[p.name] - p.null) / (0.5 * p.width) for k, p in fit.free])
-        there = ~(fit.active & (np.abs(value) < 1e-9))
-        free = [pair for pair, moves in zip(fit.free, there, strict=True) if moves]
+        moving = ~(fit.active & (np.abs(value) < 1e-9))
+        free = [pair for pair, moves in zip(fit.free, moving, strict=True) if moves]
         if {k for k, p in free if not p.nonlinear and not p.beside} != set(range(len(fit.effects))):
             # An effect of size zero explains nothing
             self.explanations[names] = Explanation(starts, -np.inf, linear=self.nothing)
@@ -284,11 +284,11 @@ class Search:
         for j, (k, p) in enumerate(free):
             if not p.nonlinear:
                 families.setdefault((k, p.beside or p.name), []).append(j)
-        slopes = -0.5 * fit.jacobian[:, there]
+        slopes = -0.5 * fit.jacobian[:, moving]
         errors = [campaign.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
         columns = np.concatenate([slopes, *errors], axis=1)
         linear = of_sizes(
-            fit.whitened_residual + slopes @ value[there],
+            fit.whitened_residual + slopes @ value[moving],
             columns,
             [np.array(family) for family in families.values()],
             np.arange(slopes.shape[1], columns.shape[1]),

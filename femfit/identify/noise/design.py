@@ -204,29 +204,31 @@ def share_of(k: int) -> float:
 
 def channel_design(observations: Observations, c: int) -> ChannelDesign:
     """The design of a channel that has readings, of which nothing is declared."""
-    here, effects, patterns = (
+    of_channel, effects, patterns = (
         np.flatnonzero(observations.channel == c),
         random_effects(observations),
         smooth_patterns(observations),
     )
-    cell = np.unique(setting_cells(observations)[here], return_inverse=True)[1]
+    cell = np.unique(setting_cells(observations)[of_channel], return_inverse=True)[1]
     settings = int(cell.max()) + 1
     numbers = np.flatnonzero(patterns.channel == c)[: max(1, int(OF_SETTINGS * settings))]
     # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it, or an
     # error of the stage that every run meets at the same place
-    common = np.stack([observations.distance_slope[here], observations.distance_curvature[here]], axis=1)
-    distance, stops_repeat = observations.column("distance_m")[here], effects.differences[-1] > 0.0
+    common = np.stack([observations.distance_slope[of_channel], observations.distance_curvature[of_channel]], axis=1)
+    distance, stops_repeat = observations.column("distance_m")[of_channel], effects.differences[-1] > 0.0
     places = (distance[:, None] == np.unique(distance)[: len(distance) * stops_repeat]) * common[:, :1]
     # Windows of a record that share a setting share no motion, and what their edges of a command are off by
     repeats = 0 if observations.in_motion else len(cell) - settings
     return ChannelDesign(
         cell,
-        fixed=orthonormal_basis(np.concatenate([patterns.columns[np.ix_(here, numbers)], common, places], axis=1)),
-        random=effects.columns[here] * (effects.differences > 0.0)[effects.group],
-        chain=chain_of(observations).of(here),
+        fixed=orthonormal_basis(
+            np.concatenate([patterns.columns[np.ix_(of_channel, numbers)], common, places], axis=1)
+        ),
+        random=effects.columns[of_channel] * (effects.differences > 0.0)[effects.group],
+        chain=chain_of(observations).of(of_channel),
         # Those of stops of the stage have columns, if any
-        made=np.sum(observations.setting_columns[here, int(stops_repeat) :] ** 2, axis=1),
-        residual=observations.residual[here],
-        resolution=converter_step(np.unique(observations.value[here])) / np.sqrt(12.0),
+        made=np.sum(observations.setting_columns[of_channel, int(stops_repeat) :] ** 2, axis=1),
+        residual=observations.residual[of_channel],
+        resolution=converter_step(np.unique(observations.value[of_channel])) / np.sqrt(12.0),
         repeats=repeats if repeats >= LEAST_REPEATS else 0,
     )

@@ -85,15 +85,15 @@ class Likelihood:
             inner = damped / np.outer(size, size) + 1e-9 * np.eye(len(size))
             step[free] = np.clip(-np.linalg.solve(inner, slope[free] / size) / size, -LARGEST_STEP, LARGEST_STEP)
             for _ in range(SEARCH_STEPS):
-                there = np.maximum(x + step, low)
-                after = self.cost(there)
+                tried = np.maximum(x + step, low)
+                after = self.cost(tried)
                 if after <= cost + 1e-10 * abs(cost):
                     break
                 step /= 2.0
             else:
                 break
-            moved = float(np.abs(there - x).max())
-            x, cost = there, after
+            moved = float(np.abs(tried - x).max())
+            x, cost = tried, after
             if moved < SETTLED_STEP:
                 break
         return x

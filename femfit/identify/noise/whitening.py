@@ -19,7 +19,6 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import SAME_SETTING
 from femfit.identify.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.patterns import own_misfit_columns
 from femfit.identify.settings import levels, setting_cells
@@ -59,7 +58,7 @@ def sequence(observations: Observations) -> FloatArray:
     table = observations.covariates
     falling = (table["branch"] < 0.0).to_numpy()
     currents = [np.where(falling, -1.0, 1.0) * table[name].to_numpy() for name in observations.settings[1:]]
-    scan = np.lexsort((*currents, falling, levels(table["distance_m"].to_numpy(), SAME_SETTING), table["run"]))
+    scan = np.lexsort((*currents, falling, levels(table["distance_m"].to_numpy()), table["run"]))
     place = np.zeros(len(table))
     place[scan] = np.arange(len(table), dtype=np.float64)
     return place[observations.row]
@@ -138,20 +137,20 @@ def random_effects(observations: Observations) -> RandomEffects:
     mount, run, stop = observations.column("mount"), observations.column("run"), stops(observations)
     slope, curvature = observations.distance_slope[:, None], observations.distance_curvature[:, None]
     mounts, numbers = np.unique(mount), np.unique(stop)
-    here = observations.channel[:, None] == np.arange(len(observations.channels))
-    runs = [np.unique(run[column]) for column in here.T]
+    in_channel = observations.channel[:, None] == np.arange(len(observations.channels))
+    runs = [np.unique(run[column]) for column in in_channel.T]
     put_back = ("mount" in observations.given or max(map(len, runs)) > 1) and len(mounts) <= MOST_STOPS
     # A stop that no other one repeats has the variance that is declared, if any is
     again = len(numbers) - len(np.unique(observations.column("distance_m")))
     repeated = max(again, int("distance_m" in observations.declared_noise))
     told_apart = repeated > 0 and 2 * len(numbers) <= min(len(observations.covariates), 2 * MOST_STOPS)
-    runs = [there if len(there) <= MOST_STOPS else there[:0] for there in runs]
+    runs = [of_channel if len(of_channel) <= MOST_STOPS else of_channel[:0] for of_channel in runs]
     each = mount[:, None] == (mounts if put_back else mounts[:0])
     blocks = [each * slope, 0.5 * each * curvature]
-    blocks += [(run[:, None] == there) & here[:, [c]] for c, there in enumerate(runs)]
+    blocks += [(run[:, None] == of_channel) & in_channel[:, [c]] for c, of_channel in enumerate(runs)]
     blocks += [(stop[:, None] == numbers) * slope] if told_apart else []
     widths, variances = [block.shape[1] for block in blocks], np.maximum(np.arange(len(blocks)) - 1, 0)
-    between_runs = [max(len(there) - 1.0, 0.0) for there in runs]
+    between_runs = [max(len(of_channel) - 1.0, 0.0) for of_channel in runs]
     differences = [len(mounts) - 1.0 if put_back else 0.0, *between_runs, repeated * told_apart]
     return RandomEffects(
         columns=np.concatenate(blocks, axis=1).astype(np.float64),

@@ -30,11 +30,11 @@ from scipy.linalg import lapack
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.sweep_columns import voltage_columns
-from femfit.effects.conditions import Conditions
+from femfit.effects.conditions import TEMPERATURES, Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import changed_by, circuit_of, recorded, true_setting, with_further_force
-from femfit.identify.observations import TEMPERATURES, VOLTAGE_BALANCE, WithoutCache
+from femfit.identify.observations import VOLTAGE_BALANCE, WithoutCache
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.eddy_currents import EddyCurrents, EddyForms

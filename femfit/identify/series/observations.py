@@ -76,7 +76,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
     below = np.repeat([0, len(views[0].covariates)], [len(of_view) for of_view in measured])
     step, offset = 1e-3 * nominal.travel_m, effect_by_name("distance_offset")
-    ahead, here, behind = (
+    ahead, middle, behind = (
         prediction.change((AddedEffect(offset, {"offset_m": by}), *model.effects)) for by in (step, 0.0, -step)
     )
     # What a bench would have to read to show as much as each balance does
@@ -91,7 +91,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
         given=(*series.given, *(shown[name] for name in channels if name in shown)),
         prediction=prediction,
         distance_slope=(ahead - behind) / (2.0 * step),
-        distance_curvature=(ahead - 2.0 * here + behind) / step**2,
+        distance_curvature=(ahead - 2.0 * middle + behind) / step**2,
         nominal=nominal,
         declared_noise={name: noise for name, noise in usual.items() if np.isfinite(noise)},
         tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[stacked.channel],

@@ -18,8 +18,8 @@ import pandas as pd
 from scipy import sparse
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.effects.conditions import Conditions, Nominal
-from femfit.identify.observations import TEMPERATURES, circumstances
+from femfit.effects.conditions import TEMPERATURES, Conditions, Nominal
+from femfit.identify.observations import circumstances
 from femfit.identify.series.constants import BEHIND, MIDDLE, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.series.motion import Motion
 from femfit.identify.series.samples import Samples

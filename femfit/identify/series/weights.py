@@ -127,12 +127,12 @@ def _by_window(
     for k, (number, centre) in enumerate(zip(windows.segment, windows.centre_s, strict=True)):
         first, last = np.searchsorted(segment, [number, number + 1])
         start, stop = first + np.searchsorted(time[first:last], [centre - half - slack, centre + half + slack])
-        here = start + np.flatnonzero(usable[start:stop])
-        s = 2.0 * (time[here] - centre) / windows.length_s
+        inside = start + np.flatnonzero(usable[start:stop])
+        s = 2.0 * (time[inside] - centre) / windows.length_s
         dense = len(s) >= LEAST_SAMPLES and np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * WIDEST_GAP
-        if dense and (weights := weigh(here, s)) is not None:
-            row.append(np.full(len(here), k))
-            column.append(here)
+        if dense and (weights := weigh(inside, s)) is not None:
+            row.append(np.full(len(inside), k))
+            column.append(inside)
             value.append(weights)
     places, shape = (np.concatenate(row), np.concatenate(column)), (len(windows.centre_s), len(time))
     mean, slope, curvature = (sparse.csr_array((each, places), shape=shape) for each in np.concatenate(value).T)
