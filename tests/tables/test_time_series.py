@@ -42,12 +42,6 @@ def spoilt(column, rows, value):
     return table
 
 
-def coarse(table):
-    return table.assign(
-        **{name: np.round(table[name] / step) * step for name, step in (("current_A", 0.02), ("distance_m", 5e-5))}
-    )
-
-
 def test_a_sound_record_is_one_segment_without_findings(tmp_path):
     result = series(tmp_path, record())
     assert tuple(result.rows) == (*SERIES_COLUMNS, "segment")
@@ -55,7 +49,9 @@ def test_a_sound_record_is_one_segment_without_findings(tmp_path):
     assert result.channels == ("current_A", "distance_m")
     assert result.rows["run"].unique().tolist() == [1.0]
     uneven = np.random.default_rng(1).random(len(record())) < 0.5
-    for sound in (result, series(tmp_path, record()[uneven]), series(tmp_path, coarse(record()))):
+    steps = np.array([1e-3, 0.02, 5e-5])
+    coarse = np.round(record() / steps) * steps
+    for sound in (result, series(tmp_path, record()[uneven]), series(tmp_path, coarse)):
         assert sound.findings == ()
         assert sound.rows["segment"].unique().tolist() == [0]
 
@@ -165,15 +161,16 @@ def test_runs_mounts_and_segments_of_each_file_are_its_own(tmp_path):
 
 
 def test_what_does_not_belong_together_is_refused(tmp_path):
-    table = bench(tmp_path / "a.csv", noise="1e-3")
-    with pytest.raises(TableError, match="bench tables"):
-        joined_measurements([table, swinging(tmp_path / "log.csv")])
-    with pytest.raises(TableError, match="noise"):
-        joined_measurements([table, bench(tmp_path / "b.csv", noise="2e-3")])
-    with pytest.raises(TableError, match="copy"):
-        joined_measurements([table, bench(tmp_path / "copy.csv", noise="1e-3")])
-    with pytest.raises(TableError, match="measurement"):
-        joined_measurements([])
+    table, log = bench(tmp_path / "a.csv", noise="1e-3"), swinging(tmp_path / "log.csv")
+    another, copy = (bench(tmp_path / f"{name}.csv", noise=noise) for name, noise in (("b", "2e-3"), ("copy", "1e-3")))
+    for tables, words in (
+        ([table, log], "bench tables"),
+        ([table, another], "noise"),
+        ([table, copy], "copy"),
+        ([], "measurement"),
+    ):
+        with pytest.raises(TableError, match=words):
+            joined_measurements(tables)
 
 
 def test_a_record_that_was_pasted_twice_counts_once(tmp_path):
