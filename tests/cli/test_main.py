@@ -1,14 +1,13 @@
 """The command line as a whole: help, failures, signals, pipes, progress, a full disk."""
 
-import contextlib
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -45,23 +44,13 @@ def test_a_full_disk_is_an_error_and_nothing_is_said_to_be_written(model_file, t
     assert "written" not in done.stdout
 
 
-@contextlib.contextmanager
-def room_for(size):
-    """Files of at most so many bytes, as a disk that fills up allows."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-
-
-def test_a_full_disk_leaves_no_bench_table_without_its_sidecar(tmp_path):
+def test_a_full_disk_leaves_no_bench_table_without_its_sidecar(tmp_path, largest_file):
     current = np.repeat([0.0, 1.0, 0.0], 20)
     columns = {"time_s": 0.05 * np.arange(60), "coil_voltage_V": 0.0 * current, "current_A": current}
     pd.DataFrame({**columns, "distance_m": 0.02}).to_csv(tmp_path / "rec.csv", index=False)
-    with room_for(300):  # of a table of three rows and its notes, the table alone
-        done = femfit("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path)
+    largest_file(300)  # of a table of three rows and its notes, the table alone
+    done = femfit("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path)
+    largest_file(None)
     assert done.returncode == 1
     assert [file.name for file in tmp_path.iterdir()] == ["rec.csv"]
     worked("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path)
@@ -69,26 +58,19 @@ def test_a_full_disk_leaves_no_bench_table_without_its_sidecar(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["i.csv", "i.parquet"])
-def test_a_full_disk_leaves_no_half_of_a_record(tmp_path, name):
+def test_a_full_disk_leaves_no_half_of_a_record(tmp_path, largest_file, name):
     (tmp_path / "in").mkdir()
     rows = {"time_s": np.arange(2000) * 1e-3, "coil_voltage_V": 0.0}
     pd.DataFrame(rows).to_csv(tmp_path / "in" / "rec.csv", index=False)
-    with room_for(4000):
-        done = femfit("integrate", tmp_path / "in" / "rec.csv", "--method", "trapezoid", "-o", tmp_path / name)
+    largest_file(4000)
+    done = femfit("integrate", tmp_path / "in" / "rec.csv", "--method", "trapezoid", "-o", tmp_path / name)
     assert (done.returncode, name in done.stderr) == (1, True)
     assert [file.name for file in tmp_path.iterdir()] == ["in"]
 
 
-def raising(error):
-    def broken(*arguments, **options):
-        raise error
-
-    return broken
-
-
 def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path):
     error = TypeError("something that nobody thought of\nand more")
-    monkeypatch.setattr("femfit.export", raising(error))
+    monkeypatch.setattr("femfit.export", mock.Mock(side_effect=error))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
     result = femfit("export", "model.json", "-o", tmp_path / "out")
@@ -96,7 +78,7 @@ def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path
     (log,) = tmp_path.glob("femfit-*.log")
     assert str(log) in result.stderr
     assert "TypeError: something that nobody thought of" in log.read_text()
-    monkeypatch.setattr("femfit.export", raising(MemoryError()))  # which is no bug
+    monkeypatch.setattr("femfit.export", mock.Mock(side_effect=MemoryError))  # which is no bug
     assert femfit("export", "model.json", "-o", tmp_path / "out").returncode == 1
 
 

@@ -1,7 +1,6 @@
 """The journal: a disk that is full for a while, two processes, lines cut short anywhere."""
 
 import json
-import resource
 import zlib
 
 import pytest
@@ -17,24 +16,16 @@ def written(directory):
     return [json.loads(line) for line in (directory / JOURNAL_NAME).read_bytes().splitlines()]
 
 
-@pytest.fixture
-def small_files():
-    """Limits the size of files, as a full disk does."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (limits[1] if size is None else size, limits[1]))
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-
-
-def test_results_wait_in_memory_while_the_disk_is_full_and_are_written_when_there_is_room(tmp_path, small_files):
+def test_results_wait_in_memory_while_the_disk_is_full_and_are_written_when_there_is_room(tmp_path, largest_file):
     with Journal(tmp_path, HEADER) as journal:
         journal.record("0", RESULTS["0"])
         room = (tmp_path / JOURNAL_NAME).stat().st_size
-        small_files(room + 10)
+        largest_file(room + 10)
         for key in ("1", "2"):
             journal.record(key, RESULTS[key])
             assert (tmp_path / JOURNAL_NAME).stat().st_size == room  # no half line is left
         assert (len(journal.finished), journal.on_disk) == (3, 1)
-        small_files(None)
+        largest_file(None)
         journal.record("3", RESULTS["3"])
         assert (len(journal.finished), journal.on_disk) == (4, 4)
     assert [entry["key"] for entry in written(tmp_path)[1:]] == ["0", "1", "2", "3"]
@@ -42,12 +33,12 @@ def test_results_wait_in_memory_while_the_disk_is_full_and_are_written_when_ther
         assert again.finished == {key: RESULTS[key] for key in ("0", "1", "2", "3")}
 
 
-def test_a_disk_that_is_full_from_the_start_holds_nothing_and_loses_nothing(tmp_path, small_files):
-    small_files(10)
+def test_a_disk_that_is_full_from_the_start_holds_nothing_and_loses_nothing(tmp_path, largest_file):
+    largest_file(10)
     with Journal(tmp_path, HEADER) as journal:
         journal.record("0", RESULTS["0"])
         assert journal.on_disk == 0
-        small_files(None)
+        largest_file(None)
         journal.record("1", RESULTS["1"])
         assert journal.on_disk == 2
     assert len(written(tmp_path)) == 3
