@@ -64,51 +64,49 @@ def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
 
 
 @pytest.fixture
-def solenoid_file(tmp_path):
+def motion_of(tmp_path):
+    """The table of a motion and its result, by a line of options."""
     write_model(solenoid(drive=Drive(diode_V=0.7)), tmp_path / "solenoid.json")
-    return tmp_path / "solenoid.json"
-
-
-def motion_of(path, *options):
-    """The table of a motion, and its result."""
-    files = ("--csv", path.with_name("motion.csv"), "--json", path.with_name("motion.json"))
-    worked("simulate", path, *files, *options)
-    return pd.read_csv(path.with_name("motion.csv")), json.loads(path.with_name("motion.json").read_text())
-
-
-def test_a_profile_gives_pull_in_and_drop_out_and_all_files(solenoid_file, tmp_path):
+    write_model(cut_in_two(solenoid()), tmp_path / "halves.json")
+    write_model(damped(), tmp_path / "damped.json")
     (tmp_path / "12V.csv").write_text("time_ms,voltage_V\n0,12\n70,0\n200,0\n")
-    rows, data = motion_of(solenoid_file, "--drive", tmp_path / "12V.csv", "--picture", tmp_path / "motion.png")
+
+    def moved(line):
+        done = worked(*line.split(), "--csv", "motion.csv", "--json", "motion.json", cwd=tmp_path)
+        return pd.read_csv(tmp_path / "motion.csv"), json.loads((tmp_path / "motion.json").read_text()), done.stdout
+
+    return moved
+
+
+def test_a_profile_gives_pull_in_and_drop_out_and_all_files(motion_of, tmp_path):
+    rows, data, _ = motion_of("simulate solenoid.json --drive 12V.csv --picture motion.png")
     assert rows["time_s"].iloc[-1] == pytest.approx(0.2)
     assert rows["distance_m"].min() == pytest.approx(0.2e-3)
     assert [one["kind"] for one in data["switchings"]] == ["pull_in", "drop_out"]
     assert abs(data["energy"]["remainder_J"]) < 1e-6 * data["energy"]["supplied_J"]
     assert (tmp_path / "motion.png").read_bytes().startswith(b"\x89PNG")
-    motion_of(solenoid_file, "--voltage", 12)  # its own table is replaced
-
-
-def test_start_duration_and_step_are_in_millimetres_and_milliseconds_and_a_command_is_cut_at_the_supply(solenoid_file):
-    rows, _ = motion_of(solenoid_file, "--voltage", 0, "--start-mm", 2, "--duration-ms", 5, "--step-ms", 0.05)
-    assert (rows["distance_m"].iloc[0], rows["time_s"].iloc[-1]) == (pytest.approx(2e-3), pytest.approx(5e-3))
-    np.testing.assert_allclose(np.diff(rows["time_s"]), 5e-5)
-    said = [worked("simulate", solenoid_file, "--voltage", volts).stdout.splitlines() for volts in (24, 12)]
+    # Its own table is replaced, and a command beyond the supply is cut there
+    said = [motion_of(f"simulate solenoid.json --voltage {volts}")[2].splitlines() for volts in (24, 12)]
     assert said[0][0] == said[1][0]
     assert len(said[0]) == len(said[1]) + 1
 
 
-def test_each_of_several_circuits_takes_its_own_voltage(tmp_path):
-    write_model(cut_in_two(solenoid()), tmp_path / "halves.json")
-    rows, data = motion_of(tmp_path / "halves.json", "--voltage", "inner=6,outer=6")
+def test_start_duration_and_step_are_in_millimetres_and_milliseconds(motion_of):
+    rows, *_ = motion_of("simulate solenoid.json --voltage 0 --start-mm 2 --duration-ms 5 --step-ms 0.05")
+    assert (rows["distance_m"].iloc[0], rows["time_s"].iloc[-1]) == (pytest.approx(2e-3), pytest.approx(5e-3))
+    np.testing.assert_allclose(np.diff(rows["time_s"]), 5e-5)
+
+
+def test_each_of_several_circuits_takes_its_own_voltage(motion_of):
+    rows, data, _ = motion_of("simulate halves.json --voltage inner=6,outer=6")
     assert data["switchings"][0]["kind"] == "pull_in"
     assert set(rows) >= {"current_inner_A", "voltage_outer_V", "flux_linkage_inner_Wb"}
 
 
-def test_a_sensed_motion_replaces_its_own_table_and_picture(tmp_path):
-    write_model(damped(), tmp_path / "solenoid.json")
-    files = ("--csv", tmp_path / "sensed.csv", "--picture", tmp_path / "sensed.png")
+def test_a_sensed_motion_replaces_its_own_table_and_picture(motion_of):
     for seed in (1, 2):
-        worked("sense", tmp_path / "solenoid.json", "--voltage", 9, "--runs", 2, "--seed", seed, *files)
-    assert {"rms_m", "claimed_m", "bound_m"} < set(pd.read_csv(tmp_path / "sensed.csv"))
+        rows, *_ = motion_of(f"sense damped.json --voltage 9 --runs 2 --seed {seed} --picture sensed.png")
+    assert {"rms_m", "claimed_m", "bound_m"} < set(rows)
 
 
 @pytest.mark.nightly

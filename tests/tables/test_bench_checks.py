@@ -90,11 +90,11 @@ def test_an_effect_however_sharp_is_no_outlier(tmp_path, runs, effect):
 @pytest.mark.parametrize("runs", [1, 2])
 @pytest.mark.parametrize("factor", [1.06, 1.3])
 def test_the_steep_end_of_a_smooth_curve_is_no_outlier(tmp_path, share, runs, factor):
-    d = 0.008 * factor ** np.arange(20)
-    rows = pd.concat([pd.DataFrame({"run": run, "current_A": 0.5, "distance_m": d}) for run in range(runs)])
-    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(rows))
-    read_back = judged(read(tmp_path, rows.assign(force_N=curve(rows["distance_m"], 0.5) + noise)), share)
-    assert read_back.rows["force_N"].notna().all()
+    d = np.tile(0.008 * factor ** np.arange(20), runs)  # towards the pole
+    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(d))
+    rows = pd.DataFrame({"run": np.repeat(range(runs), 20), "current_A": 0.5, "distance_m": d})
+    table = judged(read(tmp_path, rows.assign(force_N=curve(d, 0.5) + noise)), share)
+    assert table.rows["force_N"].notna().all()
 
 
 @pytest.mark.parametrize("slip", [-1.0, 0.4, 2.5])
@@ -215,11 +215,10 @@ def test_a_clock_that_was_reset_is_told_and_a_sorted_file_put_back(tmp_path):
 @pytest.mark.parametrize("column", ["current_A", "force_N"])
 @pytest.mark.parametrize("code", ["9.9E37", "+9.91E+37", "-9.9e+37", "1e37"])
 def test_an_instruments_code_of_an_overload_counts_as_a_missing_number(tmp_path, column, code):
-    lines = [{"distance_m": f"{0.01 * (1 + k % 5)}", "current_A": f"{k}", "force_N": f"{1 + k}"} for k in range(20)]
-    lines[3][column] = lines[11][column] = code
-    text = [",".join(lines[0]), *(",".join(line.values()) for line in lines)]
-    (tmp_path / "bench.csv").write_text("\n".join(text))
-    table = read_bench_table(tmp_path / "bench.csv")
+    k = np.arange(20)
+    rows = pd.DataFrame({"distance_m": 0.01 * (1 + k % 5), "current_A": k, "force_N": 1 + k}).astype(str)
+    rows.loc[[3, 11], column] = code
+    table = read(tmp_path, rows)
     assert np.flatnonzero(table.rows[column].isna()).tolist() == [3, 11]
     (said,) = [one for one in table.findings if one.code == "cells" and one.column == column]
     assert f"In {column} 2 cells hold no number below 1e+37, as of an overload" in str(said)
@@ -269,10 +268,10 @@ def test_currents_that_were_not_cycled_tell_no_branch(rows):
 
 
 def test_what_two_runs_of_four_show_at_a_setting_is_no_outlier():
-    grid = np.stack(np.meshgrid(np.linspace(0, 1, 8), np.linspace(0, 1, 6), indexing="ij"), axis=-1).reshape(-1, 2)
-    place = np.column_stack([np.tile(grid, (4, 1)), np.zeros(192)])
-    value, run = np.random.default_rng(3).normal(size=192), np.repeat(np.arange(4), 48)
-    value[[2 * 48 + 20, 3 * 48 + 20]] += 30.0
-    assert not isolated_outliers(value, place, run, np.ones(192)).any()
-    value[3 * 48 + 20] -= 30.0
-    assert np.flatnonzero(isolated_outliers(value, place, run, np.ones(192))).tolist() == [2 * 48 + 20]
+    i, j, run = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 8), np.linspace(0, 1, 6), range(4)))
+    value = np.random.default_rng(3).normal(size=192)
+    here = np.flatnonzero((i == i[80]) & (j == j[80]))
+    for off, found in ((here[run[here] >= 2], []), (here[run[here] == 2], here[run[here] == 2])):
+        read = value + 30.0 * np.isin(np.arange(192), off)
+        outliers = isolated_outliers(read, np.column_stack([i, j, 0 * i]), run, np.ones(192))
+        assert np.flatnonzero(outliers).tolist() == list(found)
