@@ -104,8 +104,7 @@ def test_the_library_is_as_handbooks_say_and_names_its_sources():
     for name, (low, high) in CONDUCTS.items():
         material, reference = LIBRARY[name].material, LIBRARY[name].reference
         assert low <= 1e-6 * material.conductivity_S_per_m <= high
-        assert material.name == name
-        assert material.lamination_m == 0.0
+        assert (material.name, material.lamination_m) == (name, 0.0)
         assert material.relative_permeability >= 1
         assert 0 <= material.remanence_T < 1.6  # the highest NdFeB grade reaches about 1.5 T
         assert len(reference) > 20
@@ -121,9 +120,8 @@ def test_metals_conduct_heat_as_handbooks_say_and_the_kind_says_what_a_table_doe
         # Wiedemann and Franz leave out what the lattice conducts: a fifth in steel
         assert usual.conductivity_W_per_m_K == pytest.approx(conductivity, rel=0.35)
         assert usual.heat_capacity_J_per_m3_K == pytest.approx(capacity, rel=0.03)
-    assert thermal_of(LinearMaterial("m", 1.05, -1.2)) == MAGNET
-    assert thermal_of(LinearMaterial("f", 2000.0)) == CERAMIC
-    assert thermal_of(LinearMaterial("p")) == PLASTIC
+    kinds = LinearMaterial("m", 1.05, -1.2), LinearMaterial("f", 2000.0), LinearMaterial("p")
+    assert [thermal_of(kind) for kind in kinds] == [MAGNET, CERAMIC, PLASTIC]
 
 
 def test_a_material_of_the_file_goes_before_one_of_the_library():

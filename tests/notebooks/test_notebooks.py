@@ -61,7 +61,9 @@ def test_a_notebook_is_python_that_uses_public_names_alone_and_keeps_no_outputs(
 def test_the_copy_beside_the_pages_is_this_notebook_as_it_ran(path):
     shown = read(ROOT / "docs" / "tutorial" / path.name).cells
     # Where this fails, or femfit answers otherwise: python docs/_ext/run_notebooks.py
-    assert [(cell.cell_type, cell.source) for cell in shown] == [(one.cell_type, one.source) for one in read(path).cells]
+    assert [(cell.cell_type, cell.source) for cell in shown] == [
+        (one.cell_type, one.source) for one in read(path).cells
+    ]
     outputs = [output for cell in shown for output in cell.get("outputs", [])]
     assert any("image/png" in output.get("data", {}) for output in outputs)
     assert not any(output.output_type == "error" or output.get("name") == "stderr" for output in outputs)

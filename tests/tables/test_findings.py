@@ -61,28 +61,14 @@ def options_in(message):
     return dict(text.rpartition("=")[::2] for text in options)
 
 
-def refusal(read, path):
-    with pytest.raises(TableError) as refused:
-        read(path)
-    return options_in(str(refused.value))
-
-
 @pytest.mark.parametrize("header", HEADERS)
 def test_a_shell_reads_the_header_as_the_file_has_it(header, tmp_path):
     assert options_in(column_option(header, "voltage_V")) == {header: "voltage_V"}
     if '"' not in header:  # which would be a quoted cell
         path = tmp_path / "scope.csv"
         path.write_text("\n".join([f"Time (s),{header}", *(f"{1e-3 * k:g},{k % 3}" for k in range(9))]))
-        options = refusal(read_measurement, path)
+        with pytest.raises(TableError) as refused:
+            read_measurement(path)
+        options = options_in(str(refused.value))
         assert list(options) == [header]
         assert "voltage_V" in read_measurement(path, columns=options).given
-
-
-def test_a_column_that_is_not_used_is_offered_where_its_words_say_what_it_may_be(tmp_path):
-    path = tmp_path / "bench.csv"
-    path.write_text("distance_mm,current_A,Kraft ges. [N],note\n" + "".join(f"{k},1,{k},x\n" for k in range(2, 6)))
-    assert refusal(read_measurement, path) == {"Kraft ges. [N]": "force_N"}
-    table = read_measurement(
-        path, columns={"note": "force_N", "Kraft ges. [N]": "hall_V"}, units={"Kraft ges. [N]": "V"}
-    )
-    assert "unused-column" not in {one.code for one in table.findings}
