@@ -134,15 +134,7 @@ def bench(path, runs=2, noise="", **columns):
     return read_measurement(path)
 
 
-def swinging(path, size=1.0):
-    time = np.linspace(0.0, 0.5, 501)
-    swing = size * np.sin(9.0 * time)
-    rows = {"time_s": time, "current_A": 0.5 + 0.1 * swing, "distance_m": 0.02 + 1e-3 * swing}
-    pd.DataFrame(rows).to_csv(path, index=False)
-    return read_measurement(path)
-
-
-def test_runs_mounts_and_segments_of_each_file_are_its_own(tmp_path):
+def test_runs_mounts_and_segments_of_each_file_are_its_own(tmp_path, series):
     joined = joined_measurements([bench(tmp_path / "a.csv"), bench(tmp_path / "b.csv", 1, mount=7, current_A=0.5)])
     assert joined.rows["run"].tolist() == [1, 1, 1, 2, 2, 2, 3, 3, 3]
     assert joined.rows["mount"].tolist() == [1, 1, 1, 2, 2, 2, 3, 3, 3]
@@ -151,15 +143,15 @@ def test_runs_mounts_and_segments_of_each_file_are_its_own(tmp_path):
     assert "a.csv and " in joined.source
     alone = bench(tmp_path / "a.csv")
     assert joined_measurements([alone]) is alone
-    one, other = swinging(tmp_path / "a.csv"), swinging(tmp_path / "b.csv", 0.9)
+    one, other = series(record(500)), series(record(501))
     joined = joined_measurements([one, other])
     assert joined.rows["run"].nunique() == 2
     assert joined.rows["segment"].nunique() == one.rows["segment"].nunique() + other.rows["segment"].nunique()
     assert len(joined.rows) == len(one.rows) + len(other.rows)
 
 
-def test_what_does_not_belong_together_is_refused(tmp_path):
-    table, log = bench(tmp_path / "a.csv", noise="1e-3"), swinging(tmp_path / "log.csv")
+def test_what_does_not_belong_together_is_refused(tmp_path, series):
+    table, log = bench(tmp_path / "a.csv", noise="1e-3"), series(record(500))
     another, copy = (bench(tmp_path / f"{name}.csv", noise=noise) for name, noise in (("b", "2e-3"), ("copy", "1e-3")))
     for tables, words in (
         ([table, log], "bench tables"),
