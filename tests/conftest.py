@@ -4,6 +4,7 @@ import fcntl
 import functools
 import gc
 import os
+import resource
 
 # Before numpy loads: threads inside the small factorisations of the tests cost more than they save.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -102,3 +103,11 @@ def levitation_model():
 def model_kind(levitation_model):
     """The models of ``support.model_kinds`` by their names, each made once."""
     return functools.cache(lambda name: KINDS[name](levitation_model))
+
+
+@pytest.fixture
+def largest_file():
+    """Limits how many bytes a file has, as a disk that fills up does."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (limits[1] if size is None else size, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)

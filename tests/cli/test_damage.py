@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from femfit.model.json_file import write_model
 from femfit.tables import containers
 from support.command import femfit
 from support.small_records import BENCH
@@ -38,14 +37,6 @@ def flipped(content, seed, count):
     return data.tobytes()
 
 
-@pytest.fixture(scope="module")
-def folder(levitation_model, tmp_path_factory):
-    place = tmp_path_factory.mktemp("damage")
-    write_model(levitation_model, place / "model.json")
-    (place / "bench.h5").write_bytes(hdf5_file())
-    return place
-
-
 # Seeds with which SciPy 1.17 and h5py 3.16 end the process by SIGBUS or SIGSEGV, or by filling its memory
 @pytest.mark.parametrize(
     ("name", "make", "seed", "count"),
@@ -57,19 +48,20 @@ def folder(levitation_model, tmp_path_factory):
         ("endless.h5", hdf5_file, 1827, 3),
     ],
 )
-def test_a_damaged_file_of_matlab_or_hdf5_is_said_to_be_damaged(folder, monkeypatch, name, make, seed, count):
+def test_a_damaged_file_of_matlab_or_hdf5_is_said_to_be_damaged(model_file, monkeypatch, name, make, seed, count):
     monkeypatch.setattr(containers, "MEMORY", 1e9)
-    (folder / name).write_bytes(flipped(make(), seed, count))
-    done = femfit("compare", "model.json", name, cwd=folder)
+    (model_file.parent / name).write_bytes(flipped(make(), seed, count))
+    done = femfit("compare", "model.json", name, cwd=model_file.parent)
     assert done.returncode == 1
     assert "damaged" in done.stderr
     assert name in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_a_file_that_hangs_its_library_is_given_up(folder, monkeypatch):
+def test_a_file_that_hangs_its_library_is_given_up(model_file, monkeypatch):
+    (model_file.parent / "bench.h5").write_bytes(hdf5_file())
     monkeypatch.setattr(containers, "TIMEOUT_S", 0.01)  # no library can be loaded in that
-    done = femfit("compare", "model.json", "bench.h5", cwd=folder)
+    done = femfit("compare", "model.json", "bench.h5", cwd=model_file.parent)
     assert done.returncode == 1
     assert "damaged" in done.stderr
 
@@ -77,14 +69,14 @@ def test_a_file_that_hangs_its_library_is_given_up(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("old", "new"), [(b'"name"', b'"nome"'), (b'"pandas_type"', b'"pandas_tipe"'), (b'"numpy_type"', b'"numpi_type"')]
 )
-def test_damaged_metadata_of_a_parquet_table_are_said(folder, old, new):
-    time_s = np.arange(200) / 1000.0
+def test_damaged_metadata_of_a_parquet_table_are_said(model_file, old, new):
+    time_s, path = np.arange(200) / 1000.0, model_file.with_name("bad.parquet")
     columns = {"coil_voltage_V": 0.0, "hall_T": time_s, "distance_m": 0.02, "current_A": np.arange(200) % 5}
-    pd.DataFrame({**columns, "force_N": 0.03, "time_s": time_s}).to_parquet(folder / "bad.parquet")
-    content = (folder / "bad.parquet").read_bytes()
+    pd.DataFrame({**columns, "force_N": 0.03, "time_s": time_s}).to_parquet(path)
+    content = path.read_bytes()
     assert old in content
-    (folder / "bad.parquet").write_bytes(content.replace(old, new))
+    path.write_bytes(content.replace(old, new))
     for command in ("compare model.json bad.parquet", "fit bad.parquet -o m.json", "integrate bad.parquet -o o.csv"):
-        done = femfit(*command.split(), cwd=folder)
+        done = femfit(*command.split(), cwd=path.parent)
         assert done.returncode in {0, 1}, command
         assert "bug" not in done.stderr

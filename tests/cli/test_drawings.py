@@ -43,13 +43,8 @@ def test_an_editor_gets_a_schema_that_every_drawing_meets_and_a_wrong_key_does_n
     jsonschema = pytest.importorskip("jsonschema", reason="checks JSON Schema")
     worked("new", "--schema", "-o", tmp_path / "actuator.json")
     validator = jsonschema.Draft202012Validator(json.loads((tmp_path / "actuator.json").read_text(encoding="utf-8")))
-    patterns = (
-        "geometry/*.toml",
-        "docs/reference/*.toml",
-        "femfit/device/examples/*.toml",
-        "tests/device/drawings/r*.toml",
-    )
-    drawings = [path for pattern in patterns for path in sorted(GEOMETRY.parent.glob(pattern))]
+    places = ("geometry/*", "docs/reference/*", "femfit/device/examples/*", "tests/device/drawings/r*")
+    drawings = [path for place in places for path in sorted(GEOMETRY.parent.glob(f"{place}.toml"))]
     tables = {str(path): tomllib.loads(path.read_text(encoding="utf-8")) for path in drawings}
     assert {drawn["schema"] for drawn in tables.values()} == {1, 2}
     assert not [(name, one.message) for name, drawn in tables.items() for one in validator.iter_errors(drawn)]
@@ -78,17 +73,15 @@ def test_no_loop_is_closed_where_no_sensor_reads_the_distance(monkeypatch, levit
     assert len(calls) == 2
 
 
-VARIANTS = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
-
-
 @pytest.fixture(scope="module")
 def variants(tmp_path_factory):
     """Three variants, of which the second cannot be drawn."""
     directory = tmp_path_factory.mktemp("variants")
-    text = VARIANTS.replace("{ start = 15, stop = 45, step = 5 }", "[15, 19, 24, 31, 45]")
+    text = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
+    text = text.replace("{ start = 15, stop = 45, step = 5 }", "[15, 19, 24, 31, 45]")
     (directory / "variants.toml").write_text(text.replace("values = [10, 10, 11]", "values = [10, 21, 11]"))
-    options = ("-o", directory / "run", "--workers", 1, "--json", directory / "summary.json")
-    return directory, femfit("sweep", directory / "variants.toml", *options)
+    line = "sweep variants.toml -o run --workers 1 --json summary.json"
+    return directory, femfit(*line.split(), cwd=directory)
 
 
 def test_a_variant_without_a_point_ends_the_sweep_as_an_error_that_numbers_it(variants):
@@ -99,15 +92,13 @@ def test_a_variant_without_a_point_ends_the_sweep_as_an_error_that_numbers_it(va
     assert json.loads((directory / "summary.json").read_text())["failed"] == 15
 
 
-def test_a_fit_is_of_the_variant_that_is_chosen(variants, tmp_path):
-    run, models = variants[0] / "run", []
-    for where in (["variant=3"], ["coils.coil.turns=250", "sleeve_radius_m=0.011"]):
-        options = [word for one in where for word in ("--where", one)]
-        worked("fit", run, *options, "-o", tmp_path / "model.json")
-        models.append(json.loads((tmp_path / "model.json").read_text())["magnetics"])
-        (tmp_path / "model.json").unlink()
+def test_a_fit_is_of_the_variant_that_is_chosen(variants):
+    directory, models = variants[0], []
+    for n, where in enumerate(("variant=3", "coils.coil.turns=250 --where sleeve_radius_m=0.011")):
+        worked(*f"fit run --where {where} -o {n}.json".split(), cwd=directory)
+        models.append(json.loads((directory / f"{n}.json").read_text())["magnetics"])
     assert models[0] == models[1]
-    refused = femfit("fit", run, "--where", "variant=2")
+    refused = femfit("fit", "run", "--where", "variant=2", cwd=directory)
     assert (refused.returncode, "status ok" in refused.stderr) == (1, True)
 
 
@@ -152,12 +143,10 @@ def test_a_view_solves_its_own_point_alone_once(tmp_path, monkeypatch):
 
 
 def test_options_of_an_import_reach_its_reader(tmp_path):
-    files = tmp_path / "0A.txt", tmp_path / "1A.txt"
-    files[0].write_text("5 -1\n6 -0.9\n")
-    files[1].write_text("5 -2\n6 -1.8\n")
-    options = ["--columns", "position,force", "--unit", "distance=mm", "--keep-force"]
-    actuator = ("--actuator", GEOMETRY / "emaws-rig.toml")
-    worked("import", *files, "-o", tmp_path / "out", *options, *actuator)
+    (tmp_path / "0A.txt").write_text("5 -1\n6 -0.9\n")
+    (tmp_path / "1A.txt").write_text("5 -2\n6 -1.8\n")
+    line = "import 0A.txt 1A.txt -o out --columns position,force --unit distance=mm --keep-force --actuator"
+    worked(*line.split(), GEOMETRY / "emaws-rig.toml", cwd=tmp_path)
     table = read_sweep_table(tmp_path / "out")
     assert table.rows["current_A"].tolist() == [0, 0, 1, 1]
     assert table.rows["force_N"].tolist() == [-1, -0.9, -2, -1.8]
@@ -165,17 +154,16 @@ def test_options_of_an_import_reach_its_reader(tmp_path):
     assert table.manifest["actuator"]["hall"] is not None
 
 
-def test_the_moving_part_of_a_fem_model_can_be_named_by_a_label(tmp_path):
-    (tmp_path / "m.fem").write_text(suspension("inches", below=True, face=3.0))
-    options = "-o", tmp_path / "a.toml", "--json", tmp_path / "r.json", "--moving-label", 3
-    worked("import-fem", tmp_path / "m.fem", *options)
-    assert [region.name for region in read_actuator(tmp_path / "a.toml").moving.regions] == ["n40"]
-    assert "mover" not in {one["code"] for one in json.loads((tmp_path / "r.json").read_text())["findings"]}
-
-
 def test_an_empty_name_keeps_its_place_among_the_names_of_columns(tmp_path):
     rows = [f"0.00{11 + k},{0.3 + k / 100},{0.2 + k / 100},{0.1 + k / 100}" for k in range(5)]
     (tmp_path / "matrix.csv").write_text("\n".join(rows))
-    names = ("--columns", ",0 A,0.5 A,1 A", "--matrix-rows", "distance", "--unit", "distance=m")
-    worked("import", tmp_path / "matrix.csv", *names, "-o", tmp_path / "out", "--accept", "all")
+    line = "import matrix.csv -o out --matrix-rows distance --unit distance=m --accept all --columns"
+    worked(*line.split(), ",0 A,0.5 A,1 A", cwd=tmp_path)
     assert sorted(read_sweep_table(tmp_path / "out").rows["current_A"].unique()) == [0.0, 0.5, 1.0]
+
+
+def test_the_moving_part_of_a_fem_model_can_be_named_by_a_label(tmp_path):
+    (tmp_path / "m.fem").write_text(suspension("inches", below=True, face=3.0))
+    worked("import-fem", "m.fem", "-o", "a.toml", "--json", "r.json", "--moving-label", 3, cwd=tmp_path)
+    assert [region.name for region in read_actuator(tmp_path / "a.toml").moving.regions] == ["n40"]
+    assert "mover" not in {one["code"] for one in json.loads((tmp_path / "r.json").read_text())["findings"]}

@@ -1,14 +1,13 @@
 """The command line as a whole: help, failures, signals, pipes, progress, a full disk."""
 
-import contextlib
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -34,61 +33,48 @@ def test_help_lists_every_command_and_a_page_says_all_of_it():
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-@pytest.mark.parametrize("line", ["export {file} -o {place}/out --json /dev/full", "view {file} -o {place}/field.vtu"])
-def test_a_full_disk_is_an_error_and_nothing_is_said_to_be_written(model_file, tmp_path, line):
-    (tmp_path / "field.vtu").symlink_to("/dev/full")
-    (tmp_path / "small.toml").write_text(SMALL)
-    file = tmp_path / "small.toml" if line.startswith("view") else model_file
-    done = femfit(*line.format(file=file, place=tmp_path).split())
+@pytest.mark.parametrize("line", ["export model.json -o out --json /dev/full", "view small.toml -o field.vtu"])
+def test_a_full_disk_is_an_error_and_nothing_is_said_to_be_written(model_file, line):
+    model_file.with_name("field.vtu").symlink_to("/dev/full")
+    model_file.with_name("small.toml").write_text(SMALL)
+    done = femfit(*line.split(), cwd=model_file.parent)
     assert done.returncode == 1
     assert "No space left" in done.stderr
     assert "written" not in done.stdout
 
 
-@contextlib.contextmanager
-def room_for(size):
-    """Files of at most so many bytes, as a disk that fills up allows."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+CURRENT = np.repeat([0.0, 1.0, 0.0], 20)
+PLATEAUS = {"time_s": 0.05 * np.arange(60), "coil_voltage_V": 0.0 * CURRENT, "current_A": CURRENT, "distance_m": 0.02}
+LONG = {"time_s": np.arange(2000) * 1e-3, "coil_voltage_V": 0.0}
 
 
-def test_a_full_disk_leaves_no_bench_table_without_its_sidecar(tmp_path):
-    current = np.repeat([0.0, 1.0, 0.0], 20)
-    columns = {"time_s": 0.05 * np.arange(60), "coil_voltage_V": 0.0 * current, "current_A": current}
-    pd.DataFrame({**columns, "distance_m": 0.02}).to_csv(tmp_path / "rec.csv", index=False)
-    with room_for(300):  # of a table of three rows and its notes, the table alone
-        done = femfit("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path)
-    assert done.returncode == 1
+@pytest.mark.parametrize(
+    ("rows", "size", "line"),
+    [
+        (
+            PLATEAUS,
+            300,
+            "bench rec.csv -o b.csv",
+        ),  # of a table of three rows and its notes, there is room for the table
+        (LONG, 4000, "integrate rec.csv --method trapezoid -o i.csv"),
+        (LONG, 4000, "integrate rec.csv --method trapezoid -o i.parquet"),
+    ],
+    ids=["table and sidecar", "csv", "parquet"],
+)
+def test_a_full_disk_leaves_no_half_of_a_result(tmp_path, largest_file, rows, size, line):
+    pd.DataFrame(rows).to_csv(tmp_path / "rec.csv", index=False)
+    largest_file(size)
+    done = femfit(*line.split(), cwd=tmp_path)
+    largest_file(None)
+    assert (done.returncode, line.split()[-1] in done.stderr) == (1, "integrate" in line)
     assert [file.name for file in tmp_path.iterdir()] == ["rec.csv"]
-    worked("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path)
-    assert (tmp_path / "b.csv").stat().st_size < 300 < (tmp_path / "b.toml").stat().st_size
-
-
-@pytest.mark.parametrize("name", ["i.csv", "i.parquet"])
-def test_a_full_disk_leaves_no_half_of_a_record(tmp_path, name):
-    (tmp_path / "in").mkdir()
-    rows = {"time_s": np.arange(2000) * 1e-3, "coil_voltage_V": 0.0}
-    pd.DataFrame(rows).to_csv(tmp_path / "in" / "rec.csv", index=False)
-    with room_for(4000):
-        done = femfit("integrate", tmp_path / "in" / "rec.csv", "--method", "trapezoid", "-o", tmp_path / name)
-    assert (done.returncode, name in done.stderr) == (1, True)
-    assert [file.name for file in tmp_path.iterdir()] == ["in"]
-
-
-def raising(error):
-    def broken(*arguments, **options):
-        raise error
-
-    return broken
+    worked(*line.split(), cwd=tmp_path)
+    assert sum(file.stat().st_size for file in tmp_path.iterdir()) > size
 
 
 def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path):
     error = TypeError("something that nobody thought of\nand more")
-    monkeypatch.setattr("femfit.export", raising(error))
+    monkeypatch.setattr("femfit.export", mock.Mock(side_effect=error))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
     result = femfit("export", "model.json", "-o", tmp_path / "out")
@@ -96,7 +82,7 @@ def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path
     (log,) = tmp_path.glob("femfit-*.log")
     assert str(log) in result.stderr
     assert "TypeError: something that nobody thought of" in log.read_text()
-    monkeypatch.setattr("femfit.export", raising(MemoryError()))  # which is no bug
+    monkeypatch.setattr("femfit.export", mock.Mock(side_effect=MemoryError))  # which is no bug
     assert femfit("export", "model.json", "-o", tmp_path / "out").returncode == 1
 
 
@@ -121,16 +107,12 @@ def test_a_reader_that_has_seen_enough_is_no_error(model_file):
     assert json.loads((model_file.parent / "audit.json").read_text())
 
 
+# A shell's background jobs begin with SIGINT ignored
 WAITING = """
 import signal, time
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin with it ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from femfit.cli import main
-def app(_):
-    def command(*_, **__):
-        print("waiting", flush=True)
-        time.sleep(60)
-    return command
-main.build_app = app
+main.build_app = lambda _: lambda *_, **__: (print("waiting", flush=True), time.sleep(60))
 main.main()
 """
 
@@ -152,18 +134,16 @@ def test_a_signal_ends_a_command_with_its_own_code_and_one_line(number, word):
 SOLVED = sweep_task.DistanceTask.result
 
 
-def swallowing_at(distance, number):
+def swallowing(number, pending):
     """Solutions of which one meets a signal, as pybind11 does where the solver calls back: it becomes an error."""
-    pending = [distance]
 
     def result(task):
-        if task.distance == distance and pending:
+        if task.distance in pending:
             pending.clear()
             try:
                 signal.raise_signal(number)
             except BaseException as interrupt:
-                text = "Unable to cast Python instance of type <class 'tuple'>"
-                raise RuntimeError(text) from interrupt
+                raise RuntimeError("Unable to cast Python instance of type <class 'tuple'>") from interrupt
         return SOLVED(task)
 
     return result
@@ -175,7 +155,7 @@ def test_a_signal_that_the_solver_swallows_is_no_failed_distance(tmp_path, monke
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, handler))
     (tmp_path / "a.toml").write_text(FEW)
     command = ("sweep", tmp_path / "a.toml", "-o", tmp_path / "run", "--workers", 1)
-    monkeypatch.setattr(sweep_task.DistanceTask, "result", swallowing_at(5e-3, number))
+    monkeypatch.setattr(sweep_task.DistanceTask, "result", swallowing(number, {5e-3}))
     assert femfit(*command).returncode == 128 + number
     assert "failed" not in (tmp_path / "run" / "journal.jsonl").read_text()
     worked(*command)

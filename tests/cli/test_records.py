@@ -14,68 +14,44 @@ from support.actuators import GEOMETRY
 from support.command import worked
 from support.halves import cut_in_two
 from support.replays import damped
+from support.small_records import coil_record
 from support.solenoids import solenoid
 
-AREA = "0.059394"
+
+@pytest.fixture
+def integrated(tmp_path):
+    """What is written of a record, with the options of a line."""
+
+    def rows(record, line):
+        worked("integrate", record, "-o", tmp_path / "o.csv", *line.split())
+        return pd.read_csv(tmp_path / "o.csv")
+
+    return rows
 
 
-def table(experiment):
-    record = experiment.record
-    columns = {"time_s": record.time, "coil_voltage_V": record.voltage, "hall_T": record.hall}
-    return pd.DataFrame(columns | {"current_A": record.current})
-
-
-@pytest.fixture(scope="module")
-def experiment():
-    inputs = ExperimentInputs(amplitudes=(320.0, 200.0), plateau=32.0, zero_reading=20.0, sample_rate=100.0)
-    return synthesise(inputs, np.random.default_rng(1))
-
-
-def integrated(record, output, *options):
-    """The written rows and the result."""
-    worked("integrate", record, "-o", output, "--json", output.with_suffix(".result.json"), *options)
-    data = json.loads(output.with_suffix(".result.json").read_text())
-    rows = pd.read_parquet(output) if output.suffix == ".parquet" else pd.read_csv(output)
-    return rows, data
-
-
-def test_columns_units_and_table_of_a_record_can_be_said(tmp_path, experiment):
-    rows = table(experiment)
+def test_columns_units_and_table_of_a_record_can_be_said(tmp_path, integrated):
+    rows = pd.read_csv(coil_record(tmp_path / "coil.csv", 2.0))[["time_s", "coil_voltage_V"]]
     strange = pd.DataFrame({"t": rows["time_s"], "ai0": 1e3 * rows["coil_voltage_V"]})
     with pd.ExcelWriter(tmp_path / "a.xlsx") as book:
-        strange.iloc[:2000].to_excel(book, sheet_name="first", index=False)
+        strange.to_excel(book, sheet_name="first", index=False)
         strange.iloc[:1000].to_excel(book, sheet_name="second", index=False)
-    said = ("--column", "t=time_s", "--column", "ai0=coil_voltage_V", "--unit", "ai0=mV", "--table", "second")
-    written, _ = integrated(tmp_path / "a.xlsx", tmp_path / "o.csv", *said, "--method", "trapezoid")
-    flux = integrate_coil(rows[["time_s", "coil_voltage_V"]].iloc[:1000], method="trapezoid")
+    said = "--column t=time_s --column ai0=coil_voltage_V --unit ai0=mV --table second --method trapezoid"
+    written = integrated(tmp_path / "a.xlsx", said)
+    flux = integrate_coil(rows.iloc[:1000], method="trapezoid")
     assert written["flux_linkage_Wb"].iloc[-1] == pytest.approx(flux.value, rel=1e-6)  # without an area
     assert "flux_linkage_sigma_Wb" in written
 
 
 @pytest.mark.nightly
-def test_the_field_of_a_current_is_identified_from_a_lab_record(experiment, tmp_path):
-    record = tmp_path / "coil.csv"
-    table(experiment).iloc[::3].to_csv(record, index=False)
-    options = ("--coil-area", AREA, "--method", "cs2-identified", "--lab", record)
-    rows, _ = integrated(record, tmp_path / "o.csv", *options)
+def test_the_field_of_a_current_is_identified_from_a_lab_record(tmp_path, integrated):
+    inputs = ExperimentInputs(amplitudes=(320.0, 200.0), plateau=32.0, zero_reading=20.0, sample_rate=100.0)
+    experiment = synthesise(inputs, np.random.default_rng(1))
+    record, lab = experiment.record, tmp_path / "coil.csv"
+    columns = {"time_s": record.time, "coil_voltage_V": record.voltage, "hall_T": record.hall}
+    pd.DataFrame(columns | {"current_A": record.current}).iloc[::3].to_csv(lab, index=False)
+    rows = integrated(lab, f"--coil-area 0.059394 --method cs2-identified --lab {lab}")
     # The Hall probe of the lab record is 10 uT off in a reading, the model of the field tens of uT
     assert abs(rows["field_T"].iloc[-1] - experiment.field[-1]) < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("columns", "factors"),
-    [(["coil_voltage_mV", "hall_mT"], [1e3, 1e3]), (["coil_voltage [uV]", "hall [G]"], [1e6, 1e4])],
-)
-def test_the_units_of_a_raw_records_columns_are_read(experiment, tmp_path, columns, factors):
-    rows = table(experiment).iloc[:5000]
-    values = rows[["coil_voltage_V", "hall_T"]].to_numpy() * factors
-    values.astype("<f4").tofile(tmp_path / "r.bin")
-    rate = 1.0 / (rows["time_s"].iloc[1] - rows["time_s"].iloc[0])
-    (tmp_path / "r.toml").write_text(f"sample_rate_Hz = {rate}\ncolumns = {json.dumps(columns)}\n")
-    written, _ = integrated(tmp_path / "r.bin", tmp_path / "o.csv", "--coil-area", AREA, "--method", "cs1-offset")
-    plain = integrate_coil(rows, coil_area_m2=float(AREA), method="cs1-offset").rows
-    scale = float(np.ptp(rows["hall_T"]))  # float32 has 7 digits
-    np.testing.assert_allclose(written["field_T"], plain["field_T"], atol=1e-5 * scale)
 
 
 @pytest.mark.nightly
@@ -88,51 +64,49 @@ def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
 
 
 @pytest.fixture
-def solenoid_file(tmp_path):
+def motion_of(tmp_path):
+    """The table of a motion and its result, by a line of options."""
     write_model(solenoid(drive=Drive(diode_V=0.7)), tmp_path / "solenoid.json")
-    return tmp_path / "solenoid.json"
-
-
-def motion_of(path, *options):
-    """The table of a motion, and its result."""
-    files = ("--csv", path.with_name("motion.csv"), "--json", path.with_name("motion.json"))
-    worked("simulate", path, *files, *options)
-    return pd.read_csv(path.with_name("motion.csv")), json.loads(path.with_name("motion.json").read_text())
-
-
-def test_a_profile_gives_pull_in_and_drop_out_and_all_files(solenoid_file, tmp_path):
+    write_model(cut_in_two(solenoid()), tmp_path / "halves.json")
+    write_model(damped(), tmp_path / "damped.json")
     (tmp_path / "12V.csv").write_text("time_ms,voltage_V\n0,12\n70,0\n200,0\n")
-    rows, data = motion_of(solenoid_file, "--drive", tmp_path / "12V.csv", "--picture", tmp_path / "motion.png")
+
+    def moved(line):
+        done = worked(*line.split(), "--csv", "motion.csv", "--json", "motion.json", cwd=tmp_path)
+        return pd.read_csv(tmp_path / "motion.csv"), json.loads((tmp_path / "motion.json").read_text()), done.stdout
+
+    return moved
+
+
+def test_a_profile_gives_pull_in_and_drop_out_and_all_files(motion_of, tmp_path):
+    rows, data, _ = motion_of("simulate solenoid.json --drive 12V.csv --picture motion.png")
     assert rows["time_s"].iloc[-1] == pytest.approx(0.2)
     assert rows["distance_m"].min() == pytest.approx(0.2e-3)
     assert [one["kind"] for one in data["switchings"]] == ["pull_in", "drop_out"]
     assert abs(data["energy"]["remainder_J"]) < 1e-6 * data["energy"]["supplied_J"]
     assert (tmp_path / "motion.png").read_bytes().startswith(b"\x89PNG")
-    motion_of(solenoid_file, "--voltage", 12)  # its own table is replaced
-
-
-def test_start_duration_and_step_are_in_millimetres_and_milliseconds_and_a_command_is_cut_at_the_supply(solenoid_file):
-    rows, _ = motion_of(solenoid_file, "--voltage", 0, "--start-mm", 2, "--duration-ms", 5, "--step-ms", 0.05)
-    assert (rows["distance_m"].iloc[0], rows["time_s"].iloc[-1]) == (pytest.approx(2e-3), pytest.approx(5e-3))
-    np.testing.assert_allclose(np.diff(rows["time_s"]), 5e-5)
-    said = [worked("simulate", solenoid_file, "--voltage", volts).stdout.splitlines() for volts in (24, 12)]
+    # Its own table is replaced, and a command beyond the supply is cut there
+    said = [motion_of(f"simulate solenoid.json --voltage {volts}")[2].splitlines() for volts in (24, 12)]
     assert said[0][0] == said[1][0]
     assert len(said[0]) == len(said[1]) + 1
 
 
-def test_each_of_several_circuits_takes_its_own_voltage(tmp_path):
-    write_model(cut_in_two(solenoid()), tmp_path / "halves.json")
-    rows, data = motion_of(tmp_path / "halves.json", "--voltage", "inner=6,outer=6")
+def test_start_duration_and_step_are_in_millimetres_and_milliseconds(motion_of):
+    rows, *_ = motion_of("simulate solenoid.json --voltage 0 --start-mm 2 --duration-ms 5 --step-ms 0.05")
+    assert (rows["distance_m"].iloc[0], rows["time_s"].iloc[-1]) == (pytest.approx(2e-3), pytest.approx(5e-3))
+    np.testing.assert_allclose(np.diff(rows["time_s"]), 5e-5)
+
+
+def test_each_of_several_circuits_takes_its_own_voltage(motion_of):
+    rows, data, _ = motion_of("simulate halves.json --voltage inner=6,outer=6")
     assert data["switchings"][0]["kind"] == "pull_in"
     assert set(rows) >= {"current_inner_A", "voltage_outer_V", "flux_linkage_inner_Wb"}
 
 
-def test_a_sensed_motion_replaces_its_own_table_and_picture(tmp_path):
-    write_model(damped(), tmp_path / "solenoid.json")
-    files = ("--csv", tmp_path / "sensed.csv", "--picture", tmp_path / "sensed.png")
+def test_a_sensed_motion_replaces_its_own_table_and_picture(motion_of):
     for seed in (1, 2):
-        worked("sense", tmp_path / "solenoid.json", "--voltage", 9, "--runs", 2, "--seed", seed, *files)
-    assert {"rms_m", "claimed_m", "bound_m"} < set(pd.read_csv(tmp_path / "sensed.csv"))
+        rows, *_ = motion_of(f"sense damped.json --voltage 9 --runs 2 --seed {seed} --picture sensed.png")
+    assert {"rms_m", "claimed_m", "bound_m"} < set(rows)
 
 
 @pytest.mark.nightly

@@ -32,11 +32,25 @@ def value_of(knots, coefficients, at):
     return CellTable([cells_of(knots, DEGREE)], coefficients[:, None]).at(at)[0]
 
 
-def alone(function, *inputs):
+def made(expressions, size=1):
+    """The function of expressions of a variable."""
+    with building():
+        x = SX.sym("x", size)
+        return GraphFunction([x], ca.vertcat(*expressions(x)))
+
+
+def alone(function, x):
     """Point by point, by the interpreter."""
-    return np.array(
-        [function.at_a_point(*(x[:, k] for x in inputs)).full().ravel() for k in range(inputs[0].shape[1])]
-    ).T
+    return np.array([function.at_a_point(column).full().ravel() for column in x.T]).T
+
+
+def with_slope(expression):
+    return lambda x: (value := expression(x), ca.gradient(value, x))
+
+
+def off(found, wanted):
+    """The largest difference, of each row by its size."""
+    return np.abs((found - wanted) / np.abs(wanted).max(axis=1, keepdims=True)).max()
 
 
 @pytest.mark.parametrize("cells", [1, 5, 40], ids=["one cell", "by comparisons", "by a look-up"])
@@ -44,43 +58,31 @@ def alone(function, *inputs):
 def test_arrays_and_single_points_give_the_same_and_what_scipy_gives(cells, count):
     assert (cells > graph.FEW_CELLS) == (cells == 40)
     knots, coefficients, exact = spline_of(cells)
-    with building():
-        x = SX.sym("x", 2)
-        value = value_of(knots, coefficients, x[0]) * ca.exp(x[1])
-        function = GraphFunction([x], ca.vertcat(value, ca.gradient(value, x)))
+    function = made(with_slope(lambda x: value_of(knots, coefficients, x[0]) * ca.exp(x[1])), 2)
     at = RANDOM.uniform(0.0, 1.0, (2, count))
     at[0, 0] = knots[-1 - DEGREE]  # a knot, beyond which is no further cell
     found, spline, growth = function(at), exact(at[0]), np.exp(at[1])
     wanted = np.array([spline * growth, exact.derivative()(at[0]) * growth, spline * growth])
-    size = np.abs(wanted).max(axis=1, keepdims=True)
-    assert np.abs((found - wanted) / size).max() < 1e-12
-    few = slice(0, 40)
-    assert np.abs((alone(function, at[:, few]) - found[:, few]) / size).max() < 1e-14
+    assert off(found, wanted) < 1e-12
+    assert off(alone(function, at[:, :40]), found[:, :40]) < 1e-14
 
 
 def test_a_spline_is_continued_as_each_expression_asks():
     knots, coefficients = np.r_[[0.0] * 4, [1.0] * 4], RANDOM.normal(size=(4, 4))
-    values = []
-    for orders in ((2, 1), (1,)):
-        spline = TensorSpline(knots, knots, 3, 3, coefficients)
-        with building():
-            x = SX.sym("x", 2)
-            made = [GraphFunction([x], spline.expression(x[0], x[1], order)) for order in orders]
-        values.append(made[-1](np.array([[0.5], [3.0]]))[0, 0])
+    spline, another = (TensorSpline(knots, knots, 3, 3, coefficients) for _ in range(2))
+    at = np.array([[0.5], [3.0]])
+    made(lambda x: [spline.expression(x[0], x[1], 2)], 2)
+    values = [made(lambda x, one=one: [one.expression(x[0], x[1], 1)], 2)(at) for one in (spline, another)]
     assert values[0] == values[1]
 
 
 @pytest.mark.parametrize("count", [1, 3000])
 def test_a_point_at_a_border_belongs_to_the_cell_above_and_one_that_is_no_number_gives_none(count):
-    with building():
-        x = SX.sym("x")
-        function = GraphFunction([x], row_of(np.array([[1.0], [2.0], [3.0]]), [np.array([0.0, 1.0])], [x]) + 0.0 * x)
-        other = GraphFunction([x], x * row_of(np.array([[1.0], [2.0]]), [np.array([0.0])], [x]))
+    function = made(lambda x: [row_of(np.array([[1.0], [2.0], [3.0]]), [np.array([0.0, 1.0])], [x]) + 0.0 * x])
+    other = made(lambda x: [x * row_of(np.array([[1.0], [2.0]]), [np.array([0.0])], [x])])
     at = np.array([[-5.0, -1e-9, 0.0, 0.5, 1.0, 7.0]])
-    np.testing.assert_array_equal(np.tile(function(at), count)[0, :6], [1, 1, 2, 2, 3, 3])
-    np.testing.assert_array_equal(function(np.tile(at, count))[0, -6:], [1, 1, 2, 2, 3, 3])
-    lost = np.full((1, count), np.nan)
-    assert np.isnan(other(lost)).all()
+    np.testing.assert_array_equal(function(np.tile(at, count)), np.tile([1, 1, 2, 2, 3, 3], count)[None])
+    assert np.isnan(other(np.full((1, count), np.nan))).all()
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -92,10 +94,7 @@ def test_a_row_may_stand_where_another_row_says(cells, count):
     def within(y):
         return 0.5 + 0.2 * np.tanh(y)
 
-    with building():
-        x = SX.sym("x")
-        value = value_of(*outer[:2], within(value_of(*inner[:2], x)))
-        function = GraphFunction([x], ca.vertcat(value, ca.gradient(value, x)))
+    function = made(with_slope(lambda x: value_of(*outer[:2], within(value_of(*inner[:2], x)))))
     at = RANDOM.uniform(0.0, 1.0, (1, count))
     y = inner[2](at[0])
     rise = 0.2 * (1.0 - np.tanh(y) ** 2) * inner[2].derivative()(at[0])
@@ -113,9 +112,7 @@ def test_a_slope_within_a_slope_derives_by_both_variables():
     def outer(a):
         return slope(lambda x: inner(x, a), np.sin(a))
 
-    with building():
-        a = SX.sym("a")
-        function = GraphFunction([a], ca.vertcat(outer(a), slope(outer, a), slope(outer, a, 2)))
+    function = made(lambda a: [outer(a), slope(outer, a), slope(outer, a, 2)])
     at = RANDOM.uniform(0.1, 1.3, 200)
     s = [exact.derivative(k)(np.sin(at)) if k else exact(np.sin(at)) for k in range(4)]
     x, dx = np.sin(at), np.cos(at)
@@ -125,9 +122,8 @@ def test_a_slope_within_a_slope_derives_by_both_variables():
     wanted = np.array(
         [at**2 * g, 2.0 * at * g + at**2 * dg * dx, 2.0 * g + 4.0 * at * dg * dx + at**2 * (ddg * dx**2 - dg * x)]
     )
-    size = np.abs(wanted).max(axis=1, keepdims=True)
-    assert np.abs((function(at[None]) - wanted) / size).max() < 1e-10
-    assert np.abs((alone(function, at[None, :20]) - wanted[:, :20]) / size).max() < 1e-10
+    assert off(function(at[None]), wanted) < 1e-10
+    assert off(alone(function, at[None, :20]), wanted[:, :20]) < 1e-10
 
 
 @pytest.mark.parametrize("count", [1, 500])
@@ -143,12 +139,13 @@ def test_what_is_settled_is_constant_in_every_derivative_and_one_step_more_is_ex
             y = nearer(y, x)
         return y
 
-    with building():
-        x = SX.sym("x")
+    def found(x):
         held = settled(root(x))
         better = nearer(held, x)
         inside = of_variable(lambda z: ca.gradient(nearer(settled(root(z)), z), z), 2.0 * x)
-        function = GraphFunction([x], ca.vertcat(held, ca.gradient(held, x), better, ca.gradient(better, x), inside))
+        return held, ca.gradient(held, x), better, ca.gradient(better, x), inside
+
+    function = made(found)
     at = RANDOM.uniform(0.5, 3.0, (1, count))
     y, later = np.cbrt(at[0]), np.cbrt(2.0 * at[0])
     wanted = [y, 0.0 * y, y, y / (3.0 * at[0]), later / (6.0 * at[0])]
@@ -173,9 +170,7 @@ OPERATIONS |= {"acosh": (lambda x: 1.0 + x, lambda x: math.acosh(1.0 + x))}
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_arrays_know_the_operations_that_an_export_writes(name):
     inner, wanted = OPERATIONS[name]
-    with building():
-        x = SX.sym("x")
-        function = GraphFunction([x], ca.hypot(getattr(ca, name)(inner(x)), 2.0))
+    function = made(lambda x: [ca.hypot(getattr(ca, name)(inner(x)), 2.0)])
     assert function(np.full((1, 1000), 0.3))[0, -1] == pytest.approx(math.hypot(wanted(0.3), 2.0), rel=1e-14)
     written = {name: getattr(math, name), "hypot": math.hypot}
     exec(python_source("f", function, ["x"]), written)  # noqa: S102  its own
@@ -183,11 +178,8 @@ def test_arrays_know_the_operations_that_an_export_writes(name):
 
 
 def test_an_operation_that_arrays_do_not_know_is_named():
-    with building():
-        x = SX.sym("x")
-        function = GraphFunction([x], ca.erfinv(x))
     with pytest.raises(NotImplementedError, match="instead received ERFINV"):
-        function(np.full((1, 1000), 0.3))
+        made(lambda x: [ca.erfinv(x)])(np.full((1, 1000), 0.3))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
@@ -213,11 +205,9 @@ def test_a_child_that_is_forked_while_another_thread_builds_has_numpys_own_funct
 @pytest.mark.parametrize("cells", [5, 40])
 def test_threads_do_not_disturb_each_other(cells):
     knots, coefficients, exact = spline_of(cells)
-    with building():
-        x = SX.sym("x")
-        function = GraphFunction([x], value_of(knots, coefficients, x))
+    function = made(lambda x: [value_of(knots, coefficients, x)])
 
-    def off(seed):
+    def furthest(seed):
         generator, worst = np.random.default_rng(seed), 0.0
         for _ in range(60):
             at = generator.uniform(0.0, 1.0, int(generator.choice([1, 3, 40, 200])))
@@ -225,4 +215,4 @@ def test_threads_do_not_disturb_each_other(cells):
         return worst
 
     with ThreadPoolExecutor(4) as pool:
-        assert max(pool.map(off, range(8))) < 1e-12
+        assert max(pool.map(furthest, range(8))) < 1e-12

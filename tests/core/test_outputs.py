@@ -11,12 +11,25 @@ from femfit.core.files import replacing, require_outputs, write_json, write_text
 from support.command import python
 
 LOOP = "run,time_s,estimated_distance_m\n1,0,0.02\n"
+MINE = '{"verdict": "agrees", "written_by": "femfit 0.1.0"}'
 TAKEN = [
     ("empty.json", "", files.MODEL),
-    ("c.json", '{"verdict": "agrees", "written_by": "femfit 0.1.0"}', files.RESULT),
+    ("c.json", MINE, files.RESULT),
     ("o.csv", "time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n", None),
     ("loop.csv", LOOP, files.LOOP),
     ("absent.json", None, files.RESULT),
+]
+KEPT = [
+    ("package.json", '{"name": "mine"}', files.RESULT, ""),
+    ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", files.PAGE, ""),
+    ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", None, ""),
+    ("bench.toml", "force_N = 2e-4\n", files.NOTES, ""),
+    ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", files.DRAWING, ""),
+    ("record.bin", "\0\1\2\3", files.INTEGRATED, ""),
+    ("loop.csv", LOOP, files.INTEGRATED, " as an integrated record"),
+    ("rig", "[coil]\nturns = 1\n", files.MODEL, " as a model file"),
+    ("model.json", '{"magnetics": {}, "validity": {}}', files.RESULT, " as a JSON result"),
+    ("c.json", MINE, files.MODEL, " as a model file"),
 ]
 
 
@@ -27,25 +40,10 @@ def test_free_names_and_earlier_results_of_the_same_kind_are_taken(tmp_path, nam
     require_outputs([tmp_path / "m.json"], (tmp_path / name, kind), (None, files.PAGE))
 
 
-KEPT = [
-    ("package.json", '{"name": "mine"}', files.RESULT, "not written by femfit"),
-    ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", files.PAGE, "not written by femfit"),
-    ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", None, "not written by femfit"),
-    ("bench.toml", "force_N = 2e-4\n", files.NOTES, "not written by femfit"),
-    ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", files.DRAWING, "not written by femfit"),
-    ("record.bin", "\0\1\2\3", files.INTEGRATED, "not written by femfit"),
-    ("loop.csv", LOOP, files.INTEGRATED, "not written by femfit as an integrated record"),
-    ("rig", "[coil]\nturns = 1\n", files.MODEL, "not written by femfit as a model file"),
-    ("model.json", '{"magnetics": {}, "validity": {}}', files.RESULT, "not written by femfit as a JSON result"),
-    ("c.json", '{"verdict": "agrees", "written_by": "femfit 0.1.0"}', files.MODEL, "as a model file"),
-]
-
-
 @pytest.mark.parametrize(("name", "text", "kind", "words"), KEPT)
 def test_a_file_of_another_kind_is_refused(tmp_path, name, text, kind, words):
-    if text is not None:
-        (tmp_path / name).write_text(text)
-    with pytest.raises(OutputError, match=words):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(OutputError, match=f"not written by femfit{words}"):
         require_outputs([], (tmp_path / name, kind))
 
 
@@ -59,8 +57,9 @@ def test_an_input_is_not_replaced_whatever_it_is_called(tmp_path, name):
 
 
 def test_two_results_need_two_files_a_directory_is_kept_and_a_device_is_written_to(tmp_path):
+    path = tmp_path / "a.json"
     with pytest.raises(OutputError, match="two results"):
-        require_outputs([], (tmp_path / "a.json", files.MODEL), (tmp_path / "a.json", files.RESULT))
+        require_outputs([], (path, files.MODEL), (path, files.RESULT))
     with pytest.raises(OutputError, match="directory"):
         require_outputs([], (tmp_path, files.RESULT))
     (tmp_path / "null.csv").symlink_to("/dev/null")
@@ -74,12 +73,6 @@ def test_a_sweep_table_is_not_replaced_by_a_record(tmp_path, kind):
     with pytest.raises(OutputError, match="not written by femfit"):
         require_outputs([], (tmp_path / "sweep.csv", kind))
     require_outputs([], (tmp_path / "sweep.csv", files.SWEEP))
-
-
-def fail_half_way(path, error):
-    with replacing(path) as partial:
-        partial.write_text("half")
-        raise error
 
 
 def test_a_file_that_is_written_has_the_suffix_the_permissions_and_the_whole_name_of_its_target(tmp_path):
@@ -113,13 +106,19 @@ def test_links_stay_devices_are_written_to_directly_and_a_full_one_is_named(tmp_
     assert full.value.errno == errno.ENOSPC
 
 
+def fail_half_way(path):
+    with replacing(path) as partial:
+        partial.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
 @pytest.mark.parametrize("kept", [None, "earlier"])
 def test_a_full_disk_names_the_target_and_keeps_the_earlier_file(tmp_path, kept):
     path = tmp_path / "out.csv"
     if kept:
         path.write_text(kept)
     with pytest.raises(OSError, match="No space") as caught:
-        fail_half_way(path, OSError(errno.ENOSPC, "No space left on device"))
+        fail_half_way(path)
     assert caught.value.filename == str(path)
     assert [file.read_text() for file in tmp_path.iterdir()] == ([kept] if kept else [])
 
@@ -139,11 +138,8 @@ def test_json_that_is_written_is_strict(tmp_path):
     """A share that was not computed is NaN in Python and null in JSON, which browsers and strict parsers read."""
     path = tmp_path / "new" / "result.json"
     write_json(path, {"share": float("nan"), "sizes": (1.0, float("inf")), "name": "a"})
-
-    def refuse(constant):
-        pytest.fail(f"{constant} is no JSON")
-
-    assert json.loads(path.read_text(), parse_constant=refuse) == {"share": None, "sizes": [1.0, None], "name": "a"}
+    strictly = json.loads(path.read_text(), parse_constant=pytest.fail)
+    assert strictly == {"share": None, "sizes": [1.0, None], "name": "a"}
 
 
 def test_the_names_that_files_begin_with_differ_and_are_new(tmp_path):
@@ -155,5 +151,4 @@ def test_the_names_that_files_begin_with_differ_and_are_new(tmp_path):
 
 
 def test_what_is_written_to_a_pipe_arrives(tmp_path):
-    code = "from femfit.core.files import write_text; write_text('/dev/stdout', 'whole')"
-    assert python(code) == "whole"
+    assert python("from femfit.core.files import write_text; write_text('/dev/stdout', 'whole')") == "whole"

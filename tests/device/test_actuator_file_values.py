@@ -6,17 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from femfit.device.electrics import HallElement, where_clipped
 from femfit.device.keys import scaled
 from femfit.device.load import read_actuator, starter_text, sweep_manifest_entry
 from femfit.device.parts import smallest_winding_area, wire_resistance
 from support.actuators import GEOMETRY
-
-
-def area(vertices) -> float:
-    turned = vertices[1:] + vertices[:1]
-    return 0.5 * sum(r0 * z1 - r1 * z0 for (r0, z0), (r1, z1) in zip(vertices, turned, strict=True))
 
 
 def test_the_rig_and_the_printed_suspension_differ_only_in_their_coil_and_have_the_core_of_table_1():
@@ -26,7 +22,8 @@ def test_the_rig_and_the_printed_suspension_differ_only_in_their_coil_and_have_t
     assert (printed.coil.turns, rig.coil.turns) == (30, 308)
     # eq. (32): R / L = 165.6 1/s and 1 / L = 61.61 1/H, R to the three digits the file gives
     assert rig.coil.resistance_ohm == pytest.approx(165.6 / 61.61, abs=0.005)
-    volume = sum(2 * math.pi * area(r.vertices_m) * (r.vertices_m[0][0] + r.vertices_m[1][0]) / 2 for r in rig.fixed)
+    outlines = [shapely.Polygon(region.vertices_m) for region in rig.fixed]
+    volume = sum(2 * math.pi * outline.area * outline.centroid.x for outline in outlines)
     by_hand = math.pi * (2 * 0.005 * (0.02**2 - 0.0025**2) + 0.015 * (0.01**2 - 0.0025**2))
     assert volume == pytest.approx(by_hand, rel=1e-12)
 
@@ -51,23 +48,14 @@ def test_millimetres_become_the_nearest_double_of_the_metres():
 
 
 def test_two_coils_in_series_are_one_circuit_of_the_manifest(tmp_path):
-    text = starter_text("bearing")
-    head, tail = text.split("[sweep]")
+    head, tail = starter_text("bearing").split("[sweep]")
     circuit = '[circuits.pair]\ncoils = ["lower", "-upper"]\nexternal_resistance_ohm = 1\n\n[sweep]'
-    tail = re.sub(r"current_A = .*", "current_A = [-2, 0, 2]", tail)
-    (tmp_path / "pair.toml").write_text(head + circuit + tail)
+    (tmp_path / "pair.toml").write_text(head + circuit + re.sub(r"current_A = .*", "current_A = [-2, 0, 2]", tail))
     actuator = read_actuator(tmp_path / "pair.toml")
     entry = sweep_manifest_entry(actuator)
     assert entry["resistance_ohm"] == pytest.approx(1.0 + sum(coil.resistance_ohm for coil in actuator.coils))
     assert (entry["voltage_min_V"], entry["voltage_max_V"]) == (-24.0, 24.0)
     assert "turns" not in entry
-
-
-HALL = HallElement(0.0, 0.0)  # 50 V/T about 2.5 V, clipped at 0 and 5 V: beyond 50 mT on either side
-
-
-DISTANCE, CURRENT = (x.ravel() for x in np.meshgrid(1e-3 * np.arange(1, 11), [0.0, 0.5, 1.0]))
-FIELD = 0.07 - 10.0 * DISTANCE + 0.02 * CURRENT  # 60 mT of the magnet at 1 mm, 10 mT less a millimetre; the coil's
 
 
 @pytest.mark.parametrize(
@@ -80,4 +68,8 @@ FIELD = 0.07 - 10.0 * DISTANCE + 0.02 * CURRENT  # 60 mT of the magnet at 1 mm, 
     ],
 )
 def test_clipping_is_said_with_its_distances(sensitivity, factor, clause):
-    assert where_clipped(replace(HALL, sensitivity_V_per_T=sensitivity), DISTANCE, factor * FIELD) == clause
+    """50 V/T about 2.5 V between 0 and 5 V: beyond 50 mT. The magnet's 60 mT at 1 mm fall by 10 mT a millimetre."""
+    distance, current = (x.ravel() for x in np.meshgrid(1e-3 * np.arange(1, 11), [0.0, 0.5, 1.0]))
+    field = 0.07 - 10.0 * distance + 0.02 * current
+    hall = replace(HallElement(0.0, 0.0), sensitivity_V_per_T=sensitivity)
+    assert where_clipped(hall, distance, factor * field) == clause

@@ -19,11 +19,7 @@ from support.small_drawing import CONICAL, TWO_WINDINGS
 
 @cache
 def facts(name):
-    return [number.facts for number in read_numbers(GEOMETRY / f"{name}.toml")]
-
-
-def also(name):
-    return {number.key: number.also for number in facts(name)}
+    return {one.facts.key: one.facts for one in read_numbers(GEOMETRY / f"{name}.toml")}
 
 
 @pytest.mark.parametrize(
@@ -38,11 +34,11 @@ def also(name):
     ],
 )
 def test_a_face_moves_all_that_touches_it_and_what_the_drawing_counts_from_is_none(name, key, moves):
-    assert also(name).get(key) == moves
+    assert getattr(facts(name).get(key), "also", None) == moves
 
 
 def test_what_the_catalogue_has_exactly_is_left_to_it():
-    one = {number.key: number.effect for number in facts("voice-coil") if number.effect}
+    one = {number.key: number.effect for number in facts("voice-coil").values() if number.effect}
     two = {each.facts.key: each.facts.effect for each in numbers_from_toml(TWO_WINDINGS) if each.facts.kind == "turns"}
     assert one == {"coils.voice.turns": "turns", "materials.n42.remanence_T": "remanence"}
     assert two == {"coils.inner.turns": "turns:inner", "coils.outer.turns": "turns:outer"}
@@ -50,29 +46,21 @@ def test_what_the_catalogue_has_exactly_is_left_to_it():
 
 @pytest.mark.parametrize("name", ["solenoid", "bearing", "voice-coil"])
 def test_the_side_of_a_polygons_face_does_not_depend_on_the_sense_of_its_corners(name):
+    def faces():
+        return sorted((face.axis, face.value, len(face.locations)) for face in drawn_faces(data))
+
     data = parse(read_text(GEOMETRY / f"{name}.toml"), name)
-    regions = {**data["fixed"]["regions"]}
-    turned = {key: {**table} for key, table in regions.items()}
-    for table in turned.values():
+    before = faces()
+    for table in data["fixed"]["regions"].values():
         if "polygon_mm" in table:
             table["polygon_mm"] = table["polygon_mm"][::-1]
-    before = sorted((face.axis, face.value, len(face.locations)) for face in drawn_faces(data))
-    data["fixed"] = {"regions": turned}
-    assert sorted((face.axis, face.value, len(face.locations)) for face in drawn_faces(data)) == before
-
-
-ROUNDED = """
-[fixed.regions.bottom]
-material = "air"
-polygon_mm = [[10, 0], [30, 0], [34, 4, 4], [34, 8], [30, 8], [10, 8]]
-[coils.bottom]
-r_mm = [12, 20]
-z_mm = [2, 6]
-"""
+    assert faces() == before
 
 
 def test_a_coil_and_a_part_of_one_name_are_told_apart():
-    labels = {face.label.partition(":")[0] for face in drawn_faces(tomllib.loads(ROUNDED))}
+    regions = {"bottom": {"material": "air", "polygon_mm": [[10, 0], [30, 0], [34, 4, 4], [34, 8], [30, 8], [10, 8]]}}
+    coils = {"bottom": {"r_mm": [12, 20], "z_mm": [2, 6]}}
+    labels = {face.label.partition(":")[0] for face in drawn_faces({"fixed": {"regions": regions}, "coils": coils})}
     assert labels == {"bottom", "coil bottom"}
 
 
@@ -96,7 +84,7 @@ def test_a_pole_face_moves_with_its_cone(numbers):
 
 @pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "bearing", "voice-coil"])
 def test_no_two_numbers_of_a_drawing_have_one_name(name):
-    titles = [number.title for number in facts(name)]
+    titles = [number.title for number in facts(name).values()]
     assert len(set(titles)) == len(titles)
 
 
@@ -130,9 +118,8 @@ def test_a_face_and_a_corner_of_it_are_not_calibrated_together(tmp_path):
 
 def test_a_tolerance_of_its_flat_part_or_of_its_own_is_a_faces_tolerance():
     def tolerance(line):
-        (pole,) = (
-            one.facts for one in numbers_from_toml(f"{CONICAL}\n[tolerances]\n{line}\n") if one.facts.key == POLE
-        )
+        every = numbers_from_toml(f"{CONICAL}\n[tolerances]\n{line}\n")
+        (pole,) = (one.facts for one in every if one.facts.key == POLE)
         return pole.tolerance, pole.declared
 
     assert tolerance(f'"{FRAME}[8][1]" = 0.02') == (0.02, True)

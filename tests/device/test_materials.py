@@ -16,6 +16,7 @@ from support.expected import unmentioned
 SATURATING = [entry.material for entry in LIBRARY.values() if isinstance(entry.material, NonlinearMaterial)]
 S_SHAPED = NonlinearMaterial("s-shaped", (0.0, 0.05, 0.6, 1.2, 1.5), (0.0, 100.0, 200.0, 800.0, 5000.0))
 EVERYWHERE = np.linspace(0.0, 4.0, 40_001)
+STARTER = starter_text("pot-magnet")
 
 
 @pytest.fixture(params=[*SATURATING, S_SHAPED], ids=lambda material: material.name)
@@ -103,8 +104,7 @@ def test_the_library_is_as_handbooks_say_and_names_its_sources():
     for name, (low, high) in CONDUCTS.items():
         material, reference = LIBRARY[name].material, LIBRARY[name].reference
         assert low <= 1e-6 * material.conductivity_S_per_m <= high
-        assert material.name == name
-        assert material.lamination_m == 0.0
+        assert (material.name, material.lamination_m) == (name, 0.0)
         assert material.relative_permeability >= 1
         assert 0 <= material.remanence_T < 1.6  # the highest NdFeB grade reaches about 1.5 T
         assert len(reference) > 20
@@ -120,9 +120,8 @@ def test_metals_conduct_heat_as_handbooks_say_and_the_kind_says_what_a_table_doe
         # Wiedemann and Franz leave out what the lattice conducts: a fifth in steel
         assert usual.conductivity_W_per_m_K == pytest.approx(conductivity, rel=0.35)
         assert usual.heat_capacity_J_per_m3_K == pytest.approx(capacity, rel=0.03)
-    assert thermal_of(LinearMaterial("m", 1.05, -1.2)) == MAGNET
-    assert thermal_of(LinearMaterial("f", 2000.0)) == CERAMIC
-    assert thermal_of(LinearMaterial("p")) == PLASTIC
+    kinds = LinearMaterial("m", 1.05, -1.2), LinearMaterial("f", 2000.0), LinearMaterial("p")
+    assert [thermal_of(kind) for kind in kinds] == [MAGNET, CERAMIC, PLASTIC]
 
 
 def test_a_material_of_the_file_goes_before_one_of_the_library():
@@ -132,18 +131,11 @@ def test_a_material_of_the_file_goes_before_one_of_the_library():
 
 @pytest.mark.parametrize("name", LIBRARY)
 def test_a_material_of_the_library_written_into_a_file_is_the_same_material(name):
-    lines, material = (
-        "\n".join(f"{key} = {value}" for key, value in LIBRARY[name].table.items()),
-        LIBRARY[name].material,
-    )
-    magnetization = 'magnetization = "+z"\n' if material.remanence_T else ""
-    written = f'[materials.{name}]\n{lines}\n[fixed.regions.pot]\n{magnetization}material = "{name}"'
-    text = starter_text("pot-magnet").replace('[fixed.regions.pot]\nmaterial = "solid_steel"', written)
+    material = LIBRARY[name].material
+    lines = [f"[materials.{name}]", *(f"{key} = {value}" for key, value in LIBRARY[name].table.items())]
+    lines += ["[fixed.regions.pot]", *['magnetization = "+z"'] * bool(material.remanence_T), f'material = "{name}"']
+    text = STARTER.replace('[fixed.regions.pot]\nmaterial = "solid_steel"', "\n".join(lines))
     assert actuator_from_toml(text).fixed[0].material == material
-
-
-STARTER = starter_text("pot-magnet")
-CONDUCTIVITY = "conductivity_MS_per_m = 6 # at 20 degC; lamination_mm = 0.5 would be a stack of radial sheets"
 
 
 def test_numbers_of_a_field_at_rest_are_without_conductivities():
@@ -153,20 +145,17 @@ def test_numbers_of_a_field_at_rest_are_without_conductivities():
 
 
 def test_conductivity_and_thickness_of_sheets_are_numbers_of_the_drawing():
-    lines = "conductivity_MS_per_m = 2\nlamination_mm = 0.5"
-    text = STARTER.replace(CONDUCTIVITY, lines) + '\n[tolerances]\n"materials.solid_steel.lamination_mm" = 0.01\n'
-    numbers = {one.facts.key: one for one in numbers_from_toml(text, harmonic=True)}
-    sheets, conductivity = (
-        numbers[f"materials.solid_steel.{key}"] for key in ("lamination_mm", "conductivity_MS_per_m")
-    )
+    drawn = "conductivity_MS_per_m = 6 # at 20 degC; lamination_mm = 0.5 would be a stack of radial sheets"
+    text = STARTER.replace(drawn, "conductivity_MS_per_m = 2\nlamination_mm = 0.5")
+    text += '\n[tolerances]\n"materials.solid_steel.lamination_mm" = 0.01\n'
+    numbers = {one.facts.key.split(".")[-1]: one for one in numbers_from_toml(text, harmonic=True)}
+    sheets, conductivity = numbers["lamination_mm"], numbers["conductivity_MS_per_m"]
     assert (sheets.facts.value, sheets.facts.tolerance) == (0.5, pytest.approx(0.02))
     assert (conductivity.facts.value, conductivity.facts.tolerance) == (2.0, 0.1)
     assert "solid_steel" in conductivity.facts.subject
-    material = conductivity.larger.fixed[0].material
-    assert material.conductivity_S_per_m == pytest.approx(2e6 * (1 + conductivity.step), rel=1e-12)
-    assert sheets.smaller.moving.regions[0].material.lamination_m == pytest.approx(
-        0.5e-3 * (1 - sheets.step), rel=1e-12
-    )
+    better, thinner = conductivity.larger.fixed[0].material, sheets.smaller.moving.regions[0].material
+    assert better.conductivity_S_per_m == pytest.approx(2e6 * (1 + conductivity.step), rel=1e-12)
+    assert thinner.lamination_m == pytest.approx(0.5e-3 * (1 - sheets.step), rel=1e-12)
     text = rewritten(text, [(conductivity.facts, 2.5), (sheets.facts, 0.48)], "pot")
-    assert (actuator_from_toml(text).fixed[0].material.conductivity_S_per_m) == 2.5e6
-    assert (actuator_from_toml(text).fixed[0].material.lamination_m) == 0.48e-3
+    material = actuator_from_toml(text).fixed[0].material
+    assert (material.conductivity_S_per_m, material.lamination_m) == (2.5e6, 0.48e-3)

@@ -2,15 +2,13 @@
 
 import contextlib
 import io
-import os
 import re
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from support.command import femfit
+from support.command import worked
 from support.snapshot import alike
 
 ROOT = Path(__file__).parents[2]
@@ -18,48 +16,32 @@ BLOCK = re.compile(r"^```(\S*)[^\n]*\n(.*?)^```", flags=re.MULTILINE | re.DOTALL
 PAGES = sorted(path for path in (ROOT / "docs" / "devices").glob("*.md") if path.name != "index.md")
 
 
-@dataclass(frozen=True)
-class Step:
-    """One block of commands or of Python, and the block of output that follows it, empty where none does."""
-
-    language: str
-    text: str
-    said: str = ""
-
-
-def steps_of(page: Path) -> list[Step]:
-    """The session of a page, in order; a block without a language right after one of commands is their output."""
-    steps: list[Step] = []
+def session(page):
+    """Blocks of commands and of Python in order, each with the block without a language that follows it, its output."""
+    steps = []
     for language, text in BLOCK.findall(page.read_text(encoding="utf-8")):
         if language in {"console", "python"}:
-            steps.append(Step(language, text))
-        elif language == "" and steps and not steps[-1].said:
-            steps[-1] = Step(steps[-1].language, steps[-1].text, text)
+            steps.append([language, text, ""])
+        elif language == "" and steps and not steps[-1][2]:
+            steps[-1][2] = text
     return steps
 
 
-def run_step(step: Step, folder: Path, names: dict[str, object]) -> str:
+def printed_by(language, text, folder, names):
     """What a block prints in a folder; a command that fails raises."""
-    if step.language == "python":
-        home, out = Path.cwd(), io.StringIO()
-        os.chdir(folder)
-        try:
-            with contextlib.redirect_stdout(out):
-                exec(step.text, names)  # noqa: S102 - the page's own text
-        finally:
-            os.chdir(home)
+    out = io.StringIO()
+    if language == "python":
+        with contextlib.chdir(folder), contextlib.redirect_stdout(out):
+            exec(text, names)  # noqa: S102 - the page's own text
         return out.getvalue()
-    printed = ""
-    for line in re.sub(r"\\\n\s*", "", step.text).splitlines():
+    for line in re.sub(r"\\\n\s*", "", text).splitlines():
         name, *words = shlex.split(line.removeprefix("$ "), comments=True)
         assert name == "femfit", line
-        done = femfit(*words, cwd=folder)
-        assert done.returncode == 0, f"{line}\n{done.stderr}"
-        printed += done.stdout
-    return printed
+        out.write(worked(*words, cwd=folder).stdout)
+    return out.getvalue()
 
 
-def differing_lines(said: str, printed: str, tolerance: float) -> list[str]:
+def differing_lines(said, printed, tolerance):
     """Lines of a page that no line of the output equals in words, and in numbers within a tolerance."""
     lines = [line.strip() for line in printed.splitlines()]
     wanted = [line.strip() for line in said.splitlines() if line.strip() not in {"", "..."}]
@@ -72,9 +54,9 @@ def test_a_page_about_a_device_says_what_happens(page, tmp_path):
     for folder in ("geometry", "data"):
         (tmp_path / folder).symlink_to(ROOT / folder)
     names = {}
-    for step in steps_of(page):
-        printed = run_step(step, tmp_path, names)
-        assert differing_lines(step.said, printed, tolerance=0.1) == [], printed
+    for language, text, said in session(page):
+        printed = printed_by(language, text, tmp_path, names)
+        assert differing_lines(said, printed, tolerance=0.1) == [], printed
     made = {path.name for path in tmp_path.glob("*.png")}
     shown = set(re.findall(r"[\w-]+\.png", page.read_text(encoding="utf-8")))
     assert shown == made

@@ -21,6 +21,7 @@ from femfit.effects.catalogue import BUILT_IN
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)]
+EXAMPLES = [DOCS / "reference" / f"every-key{kind}.toml" for kind in ("", "-circuits")]
 FROM_A_NETWORK = re.compile(
     r"""<(?:script|img|iframe)[^>]*\bsrc=["'](?:https?:)?//|<link[^>]*rel=["']stylesheet["'][^>]*href=["'](?:https?:)?//"""
 )
@@ -36,21 +37,13 @@ def site(tmp_path_factory):
 
 
 @pytest.mark.nightly
-def test_every_page_can_be_read_from_disk(site):
+def test_every_page_can_be_read_from_disk_and_every_effect_and_public_name_has_its_place(site):
     pages = list(site.rglob("*.html"))
     assert len(pages) > len(BUILT_IN) + 20
     assert [page.name for page in pages if FROM_A_NETWORK.search(page.read_text(encoding="utf-8"))] == []
-
-
-@pytest.mark.nightly
-def test_every_effect_has_a_page_with_its_signature_drawn(site):
     for effect in BUILT_IN:
         page = (site / "generated" / "effects" / f"{effect.name}.html").read_text(encoding="utf-8")
         assert f"{effect.name}.svg" in page
-
-
-@pytest.mark.nightly
-def test_every_public_name_has_its_place(site):
     page = (site / "generated" / "library.html").read_text(encoding="utf-8")
     assert [name for name in femfit.__all__ if name[0] != "_" and f'id="femfit.{name}"' not in page] == []
 
@@ -70,14 +63,12 @@ def test_every_tutorial_shows_what_its_notebook_answered(site):
 
 
 def test_the_example_file_uses_every_key():
-    paths = [DOCS / "reference" / name for name in ("every-key.toml", "every-key-circuits.toml")]
-    assert not [variant for path in paths for variant in read_variants(path).variants if variant.problem]
-    text = "\n".join(path.read_text() for path in paths)
+    assert not [variant for path in EXAMPLES for variant in read_variants(path).variants if variant.problem]
+    text = "\n".join(path.read_text() for path in EXAMPLES)
     keys = set(re.findall(r"[\w.$]+(?=\"? *=)", text))
     tables = set(re.findall(r"^\[(?:mechanics\.)?(\w+)", text, flags=re.MULTILINE))
-    wanted = {"regions", "parameters"}
     records = [schema.FileEntry, *(record for _, _, record in TABLES)]
-    wanted |= {name for record in records for name in keys_of(record)}
+    wanted = {name for record in records for name in keys_of(record)}
     assert wanted - keys - tables <= {"regions", "parameters"}
 
 
@@ -85,8 +76,7 @@ def test_the_example_file_uses_every_key():
 def test_a_key_of_the_actuator_file_has_an_example_from_its_own_table(site):
     page = (site / "generated" / "actuator_file.html").read_text(encoding="utf-8")
     sections = {part.split('"')[0]: part for part in page.split('<section id="')}
-    example = tomllib.loads((DOCS / "reference" / "every-key.toml").read_text())
-    later = tomllib.loads((DOCS / "reference" / "every-key-circuits.toml").read_text())
+    example, later = (tomllib.loads(path.read_text()) for path in EXAMPLES)
     fixed, magnet = later["fixed"]["regions"]["magnet"], example["moving"]["regions"]["magnet"]
     for section, table, key in (
         ("fixed-regions-name", fixed, "r_mm"),
@@ -127,8 +117,6 @@ def test_the_versions_of_the_documents_agree():
 
 
 def test_scripts_that_the_pages_name_exist():
-    for path in PAGES:
-        for name in re.findall(
-            r"(?:tests|notebooks|docs|geometry|data)/[\w./-]+\.(?:py|ipynb|toml|csv|md)", path.read_text()
-        ):
-            assert (ROOT / name).is_file(), f"{path.name} names {name}"
+    script = re.compile(r"(?:tests|notebooks|docs|geometry|data)/[\w./-]+\.(?:py|ipynb|toml|csv|md)")
+    named = {(path.name, name) for path in PAGES for name in script.findall(path.read_text())}
+    assert [pair for pair in named if not (ROOT / pair[1]).is_file()] == []

@@ -12,26 +12,17 @@ from house.budgets import budgets, weights
 ROOT = Path(__file__).parents[2]
 SOURCES = (path for path in sorted((ROOT / "femfit").rglob("*.py")) if "    Parameters\n" in path.read_text())
 CHECKS = {
-    "format": ["ruff", "format", "--check", "femfit", "tests", "docs"],
-    "lint": ["ruff", "check", "femfit", "tests", "docs"],
-    "types": ["mypy"],
-    "docstrings": ["numpydoc", "lint", *map(str, SOURCES)],
+    "format": ["-m", "ruff", "format", "--check", "femfit", "tests", "docs"],
+    "lint": ["-m", "ruff", "check", "femfit", "tests", "docs"],
+    "types": ["-m", "mypy"],
+    "docstrings": ["-m", "numpydoc", "lint", *map(str, SOURCES)],
+    "layers": [str(Path(sys.executable).with_name("lint-imports"))],
 }
-
-
-def run(command):
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_tool_finds_nothing(name):
-    tool, *arguments = CHECKS[name]
-    result = run([sys.executable, "-m", tool, *arguments])
-    assert result.returncode == 0, result.stdout + result.stderr
-
-
-def test_rooms_import_downwards_only():
-    result = run([str(Path(sys.executable).with_name("lint-imports"))])
+    result = subprocess.run([sys.executable, *CHECKS[name]], cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
 
 
@@ -75,21 +66,11 @@ SLACK = 1.03
 """How far above its weight a room's budget may lie before it is lowered."""
 
 
-@pytest.fixture(scope="module")
-def weight():
-    """Of each room."""
-    return weights()
-
-
-def test_every_room_keeps_its_budget(weight):
-    allowed = budgets()
+def test_every_room_keeps_its_budget_which_falls_with_it():
+    allowed, weight = budgets(), weights()
     assert set(weight.index) == set(allowed.index)
     over = weight[(weight > allowed.loc[weight.index]).any(axis=1)]
-    assert over.empty, (
-        f"find what stands twice before you add to these rooms:\n{over}\nthey may weigh:\n{allowed.loc[over.index]}"
-    )
-
-
-def test_a_budget_falls_with_its_room(weight):
-    loose = budgets()["code_lines"] > SLACK * weight["code_lines"] + 20
+    found = f"{over}\nthey may weigh:\n{allowed.loc[over.index]}"
+    assert over.empty, f"find what stands twice before you add to these rooms:\n{found}"
+    loose = allowed["code_lines"] > SLACK * weight["code_lines"] + 20
     assert not loose.any(), f"python tests/house/budgets.py lowers the budgets of {', '.join(loose[loose].index)}"

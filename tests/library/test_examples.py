@@ -25,10 +25,8 @@ def bench(tmp_path_factory):
     table = femfit.run_sweep(place / "rig.toml", place / "runs" / "rig", workers=1)
     femfit.write_model(femfit.fit_model(table).model, place / "model.json")
     shutil.copy(GEOMETRY.parent / "data" / "levitation_bench.csv", place / "bench.csv")
-    forces = table.rows[["current_A", "distance_m", "force_N", "flux_linkage_Wb"]].assign(
-        distance_m=1e3 * table.rows["distance_m"]
-    )
-    forces.rename(columns={"distance_m": "distance"}).to_csv(place / "forces.csv", index=False)
+    forces = table.rows[["current_A", "force_N", "flux_linkage_Wb"]].assign(distance=1e3 * table.rows["distance_m"])
+    forces.to_csv(place / "forces.csv", index=False)
     loop_record(place / "loop.csv", 2.0, 1.0)
     coil_record(place / "record.csv", 2.0)
     return place

@@ -30,30 +30,21 @@ def test_what_editors_see_is_what_is_loaded():
 
 
 @pytest.mark.parametrize(
-    "call",
+    ("name", "given"),
     [
-        lambda model, _: femfit.read_actuator(None),
-        lambda model, place: femfit.run_sweep(None, place),
-        lambda model, _: femfit.run_sweep(GEOMETRY / "emaws-rig.toml", None),
-        lambda model, _: femfit.read_sweep(None),
-        lambda model, _: femfit.import_table(None),
-        lambda model, _: femfit.import_table([None]),
-        lambda model, _: femfit.fit_model(None),
-        lambda model, _: femfit.read_model(None),
-        lambda model, _: femfit.write_model(model, None),
-        lambda model, _: femfit.kalman_filter(None),
-        lambda model, _: femfit.close_loop(None),
-        lambda model, _: femfit.export(model, None),
-        lambda model, _: femfit.read_measurement(None),
-        lambda model, _: femfit.compare(model, None),
-        lambda model, _: femfit.write_report(model, None),
-        lambda model, place: femfit.write_report(None, place / "page.html"),
-        lambda model, _: femfit.integrate_coil(None),
+        *((name, [None]) for name in ("read_actuator", "read_sweep", "import_table", "fit_model", "read_model")),
+        *((name, [None]) for name in ("kalman_filter", "close_loop", "read_measurement", "integrate_coil")),
+        *((name, ["model", None]) for name in ("write_model", "export", "compare", "write_report")),
+        ("import_table", [[None]]),
+        ("run_sweep", [None, "place"]),
+        ("run_sweep", [GEOMETRY / "emaws-rig.toml", None]),
+        ("write_report", [None, "place"]),
     ],
 )
-def test_nothing_in_place_of_a_path_is_refused_by_what_was_given(call, levitation_model, tmp_path):
+def test_nothing_in_place_of_a_path_is_refused_by_what_was_given(name, given, levitation_model, tmp_path):
+    known = {"model": levitation_model, "place": tmp_path / "page.html"}
     with pytest.raises(femfit.FemfitError, match="NoneType"):
-        call(levitation_model, tmp_path)
+        getattr(femfit, name)(*(known.get(one, one) if isinstance(one, str) else one for one in given))
 
 
 def test_a_wrong_name_is_answered_with_the_right_ones():

@@ -49,29 +49,20 @@ def made_up_field(distance=0.022):
     """A dipole's flux: psi = m r^2 / (r^2 + (z - z0)^2)^(3/2), cut off inside of 4 mm."""
     radius, height = np.linspace(0.0, 0.031, 50), np.linspace(-0.036, 0.04, 120)
     r, z = np.meshgrid(radius, height)
-    size = np.hypot(np.hypot(r, z - distance), 4e-3)
-    return FieldSample(
-        distance_m=distance,
-        current_A=0.32,
-        radius_m=radius,
-        height_m=height,
-        flux_density_T=6e-8 / size**3,
-        flux_Wb=4e-7 * r**2 / size**3,
-        force_N=0.0427,
-        part_flux_density_T={"sleeve": 0.097, "magnet": 0.99},
-        unknowns=11806,
-    )
+    cubed = np.hypot(np.hypot(r, z - distance), 4e-3) ** 3
+    largest = {"sleeve": 0.097, "magnet": 0.99}
+    return FieldSample(distance, 0.32, radius, height, 6e-8 / cubed, 4e-7 * r**2 / cubed, 0.0427, largest, 11806)
 
 
 def made_up_loop(design, controller, held, runs):
     """A loop over reference steps whose series are typed in; one that is lost is lost after 20 ms."""
     time = np.arange(300) * 5e-4
     path = 0.022 + 0.008 * np.clip((time - 0.05) / 0.05, 0.0, 1.0)
+    noisy = path + 1e-5 * np.random.default_rng(0).standard_normal(len(time))
+    still, amperes = 0.0 * path, np.full((len(time), 1), 0.4)
+    arrays = (path, still, amperes, noisy, still, amperes, 1.0 + path[:, None], path[:, None], path, 1.0 + still)
     known = np.where((time < 0.02) | (held > 0), 1.0, np.nan)
-    noise = 1e-5 * np.random.default_rng(0).standard_normal(len(time))
-    still, amperes, volts = 0.0 * path, path * 0 + 0.4, 1.0 + path
-    arrays = [path, still, amperes[:, None], path + noise, still, amperes[:, None], volts[:, None], path[:, None]]
-    columns = [(known * array.T).T[:, None] for array in (*arrays, path, 1.0 + still)]
+    columns = [(known * array.T).T[:, None] for array in arrays]
     outcome = np.where(np.arange(runs) < held, 0, 2)
     result = LoopResult(time, TimeSeries(*columns), outcome, np.where(outcome, 0.02, np.nan), *[None] * 4)
     lost_s, nan = None if held == runs else 0.02, Spread(np.nan, np.nan)

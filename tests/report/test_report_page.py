@@ -2,7 +2,7 @@
 
 import base64
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -29,14 +29,6 @@ from support.snapshot import NUMBER, check_snapshot
 PNG = b"\x89PNG\r\n\x1a\n" + b"\0" * 16
 
 
-def drawn(_actuator, _sample):
-    return PNG, ""
-
-
-def not_drawn(_actuator, _sample):
-    return None, "no EGL here"
-
-
 def sentences(page):
     return re.split(r"(?<=[.:;?]) ", page.text)
 
@@ -56,39 +48,53 @@ def check_new_words(name, page, base, renew):
     check_snapshot(f"page-{name}", "\n".join(lines), renew=renew)
 
 
-def ranked(content):
-    return replace(content, fit=fit_model(content.sweep, law="all"))
+def check_loads_nothing(page):
+    assert all(uri.startswith("data:image/") for uri in page.loads)
+    assert not re.search(r"url\(|@import|https?://", page.source)
+
+
+def check_pictures(page):
+    for name, image in page.images.items():
+        kind, content = image["src"].split(";base64,")
+        picture = base64.b64decode(content)
+        assert len(image["alt"]) > 20, name
+        assert len(picture) < 400_000, name  # a gouraud field as SVG has 40 MB
+        assert kind.endswith("png") or b"<path" in picture
+
+
+@dataclass(frozen=True)
+class Reported:
+    """What a page is of, and the page."""
+
+    content: ReportContent
+    page: Page
 
 
 @pytest.fixture(scope="module")
-def rig_content(rig_content):
-    return ranked(rig_content)
+def reported(rig_content, plunger_content):
+    """The reports of both, with every law ranked and a picture that nobody looks at."""
+    every = {}
+    for name, content in (("rig", rig_content), ("plunger", plunger_content)):
+        ranked = replace(content, fit=fit_model(content.sweep, law="all"))
+        figures = draw_figures(ranked, lambda *_: (PNG, ""))
+        every[name] = Reported(ranked, Page(render_report(ranked, figures)))
+    return every
 
 
 @pytest.fixture(scope="module")
-def plunger_content(plunger_content):
-    return ranked(plunger_content)
-
-
-@pytest.fixture(scope="module")
-def rig_page(rig_content):
-    return Page(render_report(rig_content, draw_figures(rig_content, drawn)))
-
-
-@pytest.fixture(scope="module")
-def plunger_page(plunger_content):
-    return Page(render_report(plunger_content, draw_figures(plunger_content, drawn)))
+def rig_page(reported):
+    return reported["rig"].page
 
 
 def test_the_report_is_one_file_below_3_megabytes_that_loads_nothing(rig_page, tmp_path):
     file = write_page(rig_page.source, tmp_path / "new" / "report.html")
     assert [file.name for file in file.parent.iterdir()] == ["report.html"]
     assert file.stat().st_size < 3_000_000
-    assert all(uri.startswith("data:image/") for uri in rig_page.loads)
-    assert not re.search(r"url\(|@import|https?://", rig_page.source)
+    check_loads_nothing(rig_page)
 
 
-def test_the_chapters_follow_the_kind_of_actuator(rig_page, plunger_page):
+def test_the_chapters_follow_the_kind_of_actuator(rig_page, reported):
+    plunger_page = reported["plunger"].page
     chapters = ["actuator", "stroke", "heat", "model", "laws", "limits", "provenance"]
     assert [name for name in plunger_page.ids if not name.startswith("figure-")] == chapters
     assert {"field", "sensor", "loop"} <= set(rig_page.ids)
@@ -98,74 +104,47 @@ def test_the_chapters_follow_the_kind_of_actuator(rig_page, plunger_page):
 
 def test_every_picture_says_what_it_shows_and_is_lines_not_megabytes(rig_page):
     assert {"cutaway", "actuator", "stroke", "field", "force-curves", "hall"} <= set(rig_page.images)
-    for name, image in rig_page.images.items():
-        kind, content = image["src"].split(";base64,")
-        picture = base64.b64decode(content)
-        assert len(image["alt"]) > 20, name
-        assert len(picture) < 400_000, name  # a gouraud field as SVG has 40 MB
-        assert kind.endswith("png") or b"<path" in picture
+    check_pictures(rig_page)
 
 
 @pytest.mark.parametrize("name", ["rig", "plunger"])
-def test_a_page_says_what_it_said_and_speaks_of_no_paper(name, request, renew):
-    page = request.getfixturevalue(f"{name}_page")
+def test_a_page_says_what_it_said_and_speaks_of_no_paper(name, reported, renew):
+    page = reported[name].page
     assert not re.search(r"\bpaper|Table 6|Figure 1|unknown|None", page.text)
     check_page(name, page, renew)
 
 
-def of_model(**parts):
-    return lambda content, **_: replace(content, model=replace(content.model, **parts))
-
-
-def clipped(content, **_):
-    return of_model(sensor=replace(content.model.sensor, sensitivity_V_per_T=500.0))(content)
-
-
-def strong(content, **_):
-    """A supply whose current lies beyond the sweep."""
-    return of_model(circuits=(replace(content.model.circuit, voltage_max_V=40.0),))(content)
-
-
-def between_stops(content, **_):
-    return of_model(motion=replace(content.model.motion, near_stop=Stop(0.02), far_stop=Stop(0.04)))(content)
-
-
-def with_sensors(content, **_):
-    sensors = (
-        AccelerationSensor(name="mems", noise=0.5, minimum=-800.0, maximum=800.0, bits=14),
-        PositionSensor(name="laser", noise=4e-3, distances_m=(0.0, 1.0), readings=(0.5, 800.5), delay_s=3e-4),
-        CurrentSensor(name="shunt", circuit="coil"),
-    )
-    return replace(content, actuator=replace(content.actuator, sensors=sensors))
-
-
-def lost(content, lost_study, **_):
-    return replace(content, study=lost_study)
-
-
-def awkward(content, **_):
-    """Another actuator's, with markup in its description, without a loop."""
-    actuator = replace(content.actuator, name="mine", description="<script>alert(1)</script> & more")
-    return replace(content, actuator=actuator, study=None, no_study="No current holds it.")
-
-
+SENSORS = (
+    AccelerationSensor(name="mems", noise=0.5, minimum=-800.0, maximum=800.0, bits=14),
+    PositionSensor(name="laser", noise=4e-3, distances_m=(0.0, 1.0), readings=(0.5, 800.5), delay_s=3e-4),
+    CurrentSensor(name="shunt", circuit="coil"),
+)
+MARKED_UP = "<script>alert(1)</script> & more"
+# Parts of a model, of an actuator and of a report that take the place of others
 VARIANTS = {
-    "rig-clipped": clipped,
-    "rig-strong": strong,
-    "rig-lost": lost,
-    "rig-awkward": awkward,
-    "plunger-stops": between_stops,
-    "plunger-sensors": with_sensors,
+    "rig-clipped": lambda model, _: {"model": {"sensor": replace(model.sensor, sensitivity_V_per_T=500.0)}},
+    # a supply whose current lies beyond the sweep
+    "rig-strong": lambda model, _: {"model": {"circuits": (replace(model.circuit, voltage_max_V=40.0),)}},
+    "rig-lost": lambda _, lost_study: {"study": lost_study},
+    "rig-awkward": lambda *_: {
+        "actuator": {"name": "mine", "description": MARKED_UP},
+        "study": None,
+        "no_study": "No current holds it.",
+    },
+    "plunger-stops": lambda model, _: {
+        "model": {"motion": replace(model.motion, near_stop=Stop(0.02), far_stop=Stop(0.04))}
+    },
+    "plunger-sensors": lambda *_: {"actuator": {"sensors": SENSORS}},
 }
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-def test_what_differs_is_said_otherwise(name, request, lost_study, renew):
-    kind = name.partition("-")[0]
-    content, base = request.getfixturevalue(f"{kind}_content"), request.getfixturevalue(f"{kind}_page")
-    changed = VARIANTS[name](content, lost_study=lost_study)
+def test_what_differs_is_said_otherwise(name, reported, lost_study, renew):
+    content, base = vars(reported[name.partition("-")[0]]).values()
+    parts = VARIANTS[name](content.model, lost_study)
+    inner = {key: replace(getattr(content, key), **part) for key, part in parts.items() if isinstance(part, dict)}
     figures = {image: one["src"] for image, one in base.images.items()}
-    check_page(name, Page(render_report(changed, figures)), renew, base)
+    check_page(name, Page(render_report(replace(content, **parts | inner), figures)), renew, base)
 
 
 def test_a_report_on_a_model_alone_has_what_a_model_knows(rig_content, tmp_path):
@@ -183,7 +162,7 @@ def test_a_report_on_two_circuits_names_each(tmp_path, renew):
     fit = fit_model(clipped_at)  # 39 mT, without current from 0.483 mm on
     (tmp_path / "bearing.toml").write_text(starter_text("bearing"))
     content = ReportContent(fit.model, read_actuator(tmp_path / "bearing.toml"), clipped_at, fit)
-    page = Page(render_report(content, draw_figures(content, not_drawn)))
+    page = Page(render_report(content, draw_figures(content, lambda *_: (None, "no EGL here"))))
     (clips,) = (one for one in audit_model(fit.model).findings if one.code == "hall_range")
     # 22 to 58 mT over the distance, symmetric in the currents: above 39 mT in 19/36, at 2 A and -2 A from 0.25 mm on
     assert clips.recomputed == pytest.approx(19.0 / 36.0, abs=5e-3)
@@ -200,8 +179,6 @@ def test_what_is_no_result_and_a_report_that_grows_too_large_are_refused_and_not
 
 
 SIZE = {"distances": 7, "currents": 5}
-
-
 HALL = hidden("hall_offset", offset_V=0.02)
 
 
@@ -245,13 +222,10 @@ def test_the_page_on_a_diagnosis_begins_with_measured_points_and_loads_nothing(a
     curves = {f"curves-{name}" for name in found.observations.channels}
     assert next(iter(page.images)).startswith("curves-")
     assert set(page.images) == curves | {"misfit-maps"}
-    assert all(uri.startswith("data:image/") for uri in page.loads)
     assert all(link.removeprefix("#") in page.ids for link in page.links)
-    for picture in page.images.values():
-        assert picture["alt"]
-        assert b"<path" in base64.b64decode(picture["src"].removeprefix("data:image/svg+xml;base64,"))
+    check_loads_nothing(page)
+    check_pictures(page)
     assert len(page.source) < 3_000_000
-    assert not re.search(r"url\(|@import|https?://", page.source)
     check_page("diagnosis", page, renew)
 
 

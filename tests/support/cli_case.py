@@ -1,6 +1,8 @@
 """A folder with every input that a command reads, and the line by which each command is run once, in a process."""
 
+import re
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,8 +13,7 @@ from femfit.identify.settings import conditions_of
 from femfit.model.json_file import write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
-from support.campaign import campaign, settings
-from support.campaign import hidden as hidden_effect
+from support.campaign import campaign, hidden, settings
 from support.command import femfit, separate_femfit
 from support.fem_files import suspension
 from support.replays import TRUE, damped, logs
@@ -23,41 +24,13 @@ FACE = "moving.regions.magnet.z_mm[1]"
 DRAWN = SMALL.replace("{ start = 4, stop = 12, step = 1 }", "[4, 5, 6, 7, 8, 9.5, 11, 12.5]")
 """Of the device that is calibrated."""
 
-ONCE = {
-    "new": "new ball -o ball.toml",
-    "sweep": "sweep small.toml --signatures --workers 1 -o runs/small --json sweep.json",
-    "run": "run sleeved.toml --workers 1 -o runs/sleeved --json run.json",
-    "view": "view small.toml --distance-mm 5 --current-A 0 --what flux-density -o view.png --json view.json",
-    "import": "import kraft.csv -o imported --json import.json",
-    "import-fem": "import-fem 'pull magnet.fem' -o pull.toml --json import-fem.json",
-    "fit": "fit runs/small -o fit.json --json fitted.json",
-    "export": "export model.json --to estimator -o package --json export.json",
-    "simulate": "simulate model.json --controller pid --filter ukf4 --offset 0.02 --seconds 0.3 --runs 2 --seed 7"
-    " --csv loop.csv --json simulate.json",
-    "sense": "sense solenoid.json --voltage 9 --runs 2 --json sense.json",
-    "audit": "audit model.json --json audit.json",
-    "heat": "heat small.toml --current-A 0.5 --distance-mm 5 --json heat.json",
-    "tolerance": "tolerance runs/small --distance-mm 5 --current-A 0.5 --json tolerance.json",
-    "observe": "observe damped.json log.csv --filter ukf,ekf --sensors current,laser --csv seen.csv --picture seen.png"
-    " --json observe.json --write-noise tuned.json",
-    "compare": "compare model.json clean.csv --json compare.json --report compare.html",
-    "diagnose": "diagnose model.json bench.csv --json diagnose.json",
-    "add": "add model.json hall_offset bench.csv --with distance_offset -o more.json --json add.json --report add.html",
-    "calibrate": f"calibrate drawn.toml taller.csv --numbers {FACE} --with force_offset --noise force_N=5e-5"
-    " -o calibrated.toml --runs runs/calibration --workers 1 --json calibrate.json",
-    "suggest": "suggest model.json bench.csv --json suggest.json",
-    "integrate": "integrate coil.csv --coil-area 0.05 -o field.csv --json integrate.json",
-    "bench": "bench plateaus.csv --resistance-ohm 2.69 --model model.json --settling-s 0.1 -o flux.csv"
-    " --json bench.json",
+COMMANDS = Path(__file__).parents[1] / "cli" / "commands.txt"
+EVERY = {
+    name: (line, after)
+    for name, after, line in re.findall(r"(?m)^([\w-]+)(?: \((\w+)\))?: (.+)$", COMMANDS.read_text(encoding="utf-8"))
 }
+ONCE = {name: line for name, (line, _) in EVERY.items() if line.split()[0] == name}
 """Each command but ``trial``, whose room is its own."""
-
-FIRST = {"slopes": "sweep sleeved.toml --signatures --workers 1 -o runs/sleeved"}
-"""Of the drawing that is run."""
-
-AFTER = {"fit": "sweep", "tolerance": "sweep", "run": "slopes"}
-"""Commands that go on with what another has written."""
-
 
 SLOW = ("calibrate",)
 """Commands that take a quarter of a minute."""
@@ -72,13 +45,14 @@ class Case:
     def run(self, name):
         """Run a command once, after what it needs."""
         if name not in self.done:
-            if name in AFTER:
-                self.run(AFTER[name])
-            words = shlex.split((ONCE | FIRST)[name])
+            line, after = EVERY[name]
+            if after:
+                self.run(after)
+            if name == "calibrate":
+                taller(self.folder).to_csv(self.folder / "taller.csv", index=False)
             start = separate_femfit if name == "new" else femfit  # as a user starts it: loading takes a second or two
-            done = start(*words, cwd=self.folder)
+            self.done[name] = done = start(*shlex.split(line), cwd=self.folder)
             assert done.returncode == 0, done.stderr
-            self.done[name] = done
         return self.done[name]
 
 
@@ -89,8 +63,8 @@ def write_inputs(model, folder):
         (folder / f"{name}.toml").write_text(text)
     size = {"distances": 6, "currents": 5}
     campaign(model, 41, **size).rows.to_csv(folder / "clean.csv", index=False)
-    hidden = [hidden_effect("hall_offset", offset_V=0.02), hidden_effect("distance_offset", offset_m=2e-4)]
-    campaign(model, 51, hidden, runs=4, **size).rows.to_csv(folder / "bench.csv", index=False)
+    effects = [hidden("hall_offset", offset_V=0.02), hidden("distance_offset", offset_m=2e-4)]
+    campaign(model, 51, effects, runs=4, **size).rows.to_csv(folder / "bench.csv", index=False)
     lines = ["Strom (A);Luftspalt (mm);Kraft (mN)"]
     lines += [f"{i};{d};{1e3 * (i + 0.5) / d**2:.8g}" for i in (0.0, 0.5, 1.0) for d in np.linspace(5, 15, 11)]
     (folder / "kraft.csv").write_text("\n".join(lines).replace(".", ","), encoding="cp1252")
@@ -101,7 +75,6 @@ def write_inputs(model, folder):
     log[["time_s", "voltage_V", "current_A", "distance_m"]].to_csv(folder / "log.csv", index=False)
     coil_record(folder / "coil.csv", 2.0)
     plateaus(model).to_csv(folder / "plateaus.csv", index=False)
-    taller(folder).to_csv(folder / "taller.csv", index=False)
 
 
 def taller(folder):

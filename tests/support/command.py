@@ -18,12 +18,8 @@ def femfit(*arguments, cwd=None):
     """Run the command in this process, which saves the imports of one of its own, and keep what it prints."""
     words = ["femfit", *map(str, arguments)]
     out, err, home = io.StringIO(), io.StringIO(), Path.cwd()
-    with (
-        contextlib.redirect_stdout(out),
-        contextlib.redirect_stderr(err),
-        mock.patch.object(sys, "argv", words),
-        mock.patch.dict(os.environ),
-    ):
+    silent = contextlib.redirect_stdout(out), contextlib.redirect_stderr(err)
+    with silent[0], silent[1], mock.patch.object(sys, "argv", words), mock.patch.dict(os.environ):
         os.chdir(cwd or home)
         try:
             main()
@@ -44,12 +40,12 @@ def worked(*arguments, **options):
 
 def python(code, **options):
     """What code prints in an interpreter of its own, which must not fail."""
-    command = [sys.executable, "-c", code]
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120, **options).stdout
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, **options)
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout
 
 
 def separate_femfit(*arguments, **options):
     """Run the command in a process of its own, as a shell would."""
-    return subprocess.run(
-        [FEMFIT, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=180, **options
-    )
+    words = [FEMFIT, *map(str, arguments)]
+    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=180, **options)

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import TableError
 from femfit.tables.measurement import branch_from_order
 from femfit.tables.measurement_file import read_bench_table
 from femfit.tables.outliers import isolated_outliers, without_outliers
@@ -91,12 +90,11 @@ def test_an_effect_however_sharp_is_no_outlier(tmp_path, runs, effect):
 @pytest.mark.parametrize("runs", [1, 2])
 @pytest.mark.parametrize("factor", [1.06, 1.3])
 def test_the_steep_end_of_a_smooth_curve_is_no_outlier(tmp_path, share, runs, factor):
-    """A staircase of distances towards the pole at one current: its last readings are the most informative."""
-    d = 0.008 * factor ** np.arange(20)
-    rows = pd.concat([pd.DataFrame({"run": run, "current_A": 0.5, "distance_m": d}) for run in range(runs)])
-    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(rows))
-    read_back = judged(read(tmp_path, rows.assign(force_N=curve(rows["distance_m"], 0.5) + noise)), share)
-    assert read_back.rows["force_N"].notna().all()
+    d = np.tile(0.008 * factor ** np.arange(20), runs)  # towards the pole
+    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(d))
+    rows = pd.DataFrame({"run": np.repeat(range(runs), 20), "current_A": 0.5, "distance_m": d})
+    table = judged(read(tmp_path, rows.assign(force_N=curve(d, 0.5) + noise)), share)
+    assert table.rows["force_N"].notna().all()
 
 
 @pytest.mark.parametrize("slip", [-1.0, 0.4, 2.5])
@@ -111,7 +109,6 @@ def test_a_slip_of_sign_or_digit_at_the_end_of_a_range_is_an_outlier(tmp_path, s
 @pytest.mark.parametrize("shuffled", [False, True])
 @pytest.mark.parametrize("seed", range(2))
 def test_a_right_reading_at_the_corner_of_the_range_is_no_outlier(tmp_path, seed, shuffled):
-    """A gap 0.1 mm wider than drawn shows most where the force is steepest: at the corner, in a single reading."""
     generator = np.random.default_rng(seed)
     d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.003, 0.011, 6), [-1.2, -0.4, 0.4, 1.2, 2.0]))
     force = 2.5e-6 * i**2 / (d + 1e-4) ** 2 + 3e-4 * generator.standard_normal(len(d))
@@ -121,22 +118,36 @@ def test_a_right_reading_at_the_corner_of_the_range_is_no_outlier(tmp_path, seed
     assert without_outliers(table, {"force_N": model}).rows["force_N"].notna().all()
 
 
-@pytest.mark.parametrize(("weights", "runs"), [([0.35], 1), ([0.35, 0.42, 0.35], 1), ([0.35, 0.42], 3)])
-def test_the_weight_of_a_body_that_hovers_is_no_stuck_channel(tmp_path, weights, runs):
-    d = np.tile(np.linspace(0.018, 0.03, 12), len(weights))
-    force = np.repeat(weights, 12)
-    hover = pd.DataFrame({"current_A": 0.2 + 30.0 * (d - 0.018) + force, "distance_m": d, "force_N": force})
-    table = read(tmp_path, pd.concat([hover.assign(run=run + 1) for run in range(runs)]))
+def hovering(*weights, runs=1):
+    """The weight of a body, at the current that holds it."""
+    d, force = np.tile(np.linspace(0.018, 0.03, 12), len(weights)), np.repeat(weights, 12)
+    rows = pd.DataFrame({"current_A": 0.2 + 30.0 * (d - 0.018) + force, "distance_m": d, "force_N": force})
+    return pd.concat([rows.assign(run=run + 1) for run in range(runs)])
+
+
+def computed():
+    """A force that is zero without a current."""
+    rows = bench(1)[["current_A", "distance_m"]].drop_duplicates().sort_values(["current_A", "distance_m"])
+    return rows.assign(force_N=1e-5 * rows["current_A"] ** 2 / rows["distance_m"] ** 2)
+
+
+@pytest.mark.parametrize(
+    ("rows", "others"),
+    [
+        (hovering(0.35), {"one-current"}),
+        (hovering(0.35, 0.42, 0.35), set()),
+        (hovering(0.35, 0.42, runs=3), set()),
+        # a balance that shows 0.00 N beyond 30 mm in every run
+        (bench().assign(force_N=lambda r: np.where(r["distance_m"] > 0.03, 0.0, r["force_N"]).round(2)), set()),
+        (computed(), set()),
+        (bench().assign(voltage_V=lambda r: np.where(r["distance_m"] > 0.03, 12.0, 6.0)), set()),
+    ],
+    ids=["one weight", "weights", "weights in runs", "coarse", "computed", "commanded"],
+)
+def test_what_stays_the_same_as_physics_or_a_display_has_it_is_no_stuck_channel(tmp_path, rows, others):
+    table = read(tmp_path, rows)
     assert table.rows["force_N"].notna().all()
-    assert "stuck" not in codes(table)
-
-
-def test_a_coarse_channel_is_not_stuck(tmp_path):
-    rows = bench()
-    far = rows["distance_m"] > 0.03
-    flat = np.where(far, 0.0, rows["force_N"])  # a balance that shows 0.00 N beyond 30 mm in every run
-    table = read(tmp_path, rows.assign(force_N=np.round(flat, 2)))
-    assert table.findings == ()
+    assert set(codes(table)) <= others
 
 
 @pytest.mark.parametrize("runs", [1, 3])
@@ -152,33 +163,35 @@ def test_a_channel_with_noise_is_stuck_from_eight_equal_readings_on(tmp_path, ru
     assert all(f"{count} rows" in str(one) for one in table.findings)
 
 
-def test_a_computed_force_that_is_zero_without_a_current_and_a_voltage_that_is_commanded_are_not_stuck(tmp_path):
-    rows = bench(1)[["current_A", "distance_m"]].drop_duplicates().sort_values(["current_A", "distance_m"])
-    force = 1e-5 * rows["current_A"] ** 2 / rows["distance_m"] ** 2
-    assert codes(read(tmp_path, rows.assign(force_N=force))) == []
-    voltage = np.where(bench()["distance_m"] > 0.03, 12.0, 6.0)
-    assert codes(read(tmp_path, bench().assign(voltage_V=voltage))) == []
+def displayed():
+    """A pass over nine settings as a coarse display shows it."""
+    d, i = np.repeat([2.0, 4.0, 6.0], 3), np.tile([1.0, 2.0, 3.0], 3)
+    return pd.DataFrame({"distance_mm": d, "current_A": i, "force_N": np.round(2.0 * i**2 / d, 1)})
 
 
-def test_rows_that_stand_twice_count_once_and_runs_without_a_column_are_told_apart(tmp_path):
-    rows = bench(1)
-    table = read(tmp_path, pd.concat([rows, rows[:50]]))
-    assert len(table.rows) == len(rows)
-    assert "50" in str(next(one for one in table.findings if one.code == "copies"))
-    by_chance = read(tmp_path, pd.concat([rows, rows[:1]]).drop(columns=["order"]).round(12))
-    assert "copies" not in codes(by_chance)
+ONCE, NOISY = bench(1), bench(1)[["distance_m", "current_A", "force_N"]]
 
 
-def test_a_table_that_follows_itself_once_more_is_read_once_without_any_order(tmp_path):
-    rng = np.random.default_rng(2)
-    once = pd.DataFrame({"distance_mm": np.repeat([5.0, 6.0, 7.0], 4), "current_A": np.tile([0.1, 0.2, 0.3, 0.4], 3)})
-    once["force_N"] = rng.normal(1.0, 0.1, len(once))
-    twice = pd.concat([once, once], ignore_index=True)
-    for rows, count in ((twice, 12), (twice.assign(force_N=rng.normal(1.0, 0.1, 24)), 24)):
-        rows.to_csv(tmp_path / "twice.csv", index=False)
-        table = read_bench_table(tmp_path / "twice.csv")
-        assert len(table.rows) == count
-        assert ("copies" in codes(table)) == (count == 12)
+@pytest.mark.parametrize(
+    ("rows", "count", "copies"),
+    [
+        (pd.concat([ONCE, ONCE[:50]]), len(ONCE), "50"),
+        (pd.concat([ONCE, ONCE[:1]]).drop(columns=["order"]).round(12), len(ONCE) + 1, ""),  # by chance
+        (pd.concat([NOISY, NOISY]), len(NOISY), str(len(NOISY))),
+        (pd.concat([NOISY, bench(1, seed=1)[[*NOISY]]]), 2 * len(NOISY), ""),
+        (pd.concat([displayed(), displayed()]), 18, ""),
+    ],
+    ids=["with an order", "one row", "the whole", "another pass", "coarse display"],
+)
+def test_rows_that_were_pasted_twice_count_once_and_equal_readings_as_often_as_they_were_taken(
+    tmp_path, rows, count, copies
+):
+    table = read(tmp_path, rows)
+    assert len(table.rows) == count
+    assert [copies in str(one) for one in table.findings if one.code == "copies"] == [True] * bool(copies)
+
+
+def test_runs_without_a_column_are_told_apart(tmp_path):
     table = read(tmp_path, bench(3).drop(columns=["run"]))
     assert table.rows["run"].unique().tolist() == [1.0, 2.0, 3.0]
     assert "2 times" in str(table.findings[0])
@@ -202,11 +215,10 @@ def test_a_clock_that_was_reset_is_told_and_a_sorted_file_put_back(tmp_path):
 @pytest.mark.parametrize("column", ["current_A", "force_N"])
 @pytest.mark.parametrize("code", ["9.9E37", "+9.91E+37", "-9.9e+37", "1e37"])
 def test_an_instruments_code_of_an_overload_counts_as_a_missing_number(tmp_path, column, code):
-    lines = [{"distance_m": f"{0.01 * (1 + k % 5)}", "current_A": f"{k}", "force_N": f"{1 + k}"} for k in range(20)]
-    lines[3][column] = lines[11][column] = code
-    text = [",".join(lines[0]), *(",".join(line.values()) for line in lines)]
-    (tmp_path / "bench.csv").write_text("\n".join(text))
-    table = read_bench_table(tmp_path / "bench.csv")
+    k = np.arange(20)
+    rows = pd.DataFrame({"distance_m": 0.01 * (1 + k % 5), "current_A": k, "force_N": 1 + k}).astype(str)
+    rows.loc[[3, 11], column] = code
+    table = read(tmp_path, rows)
     assert np.flatnonzero(table.rows[column].isna()).tolist() == [3, 11]
     (said,) = [one for one in table.findings if one.code == "cells" and one.column == column]
     assert f"In {column} 2 cells hold no number below 1e+37, as of an overload" in str(said)
@@ -255,34 +267,11 @@ def test_currents_that_were_not_cycled_tell_no_branch(rows):
     assert branch_from_order(rows) == (None, [])
 
 
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_a_table_of_names_alone_is_said_to_have_no_rows_and_no_delimiter_that_it_has_not(tmp_path, delimiter):
-    (tmp_path / "bench.csv").write_text(delimiter.join(["distance_m", "current_A", "force_N"]) + "\n")
-    with pytest.raises(TableError, match="holds no rows of at least two numbers;") as refused:
-        read_bench_table(tmp_path / "bench.csv")
-    assert "semicolons" not in str(refused.value)
-
-
-def test_a_header_that_the_call_and_the_sidecar_spell_otherwise_is_one_column_as_the_call_says(tmp_path):
-    (tmp_path / "bench.csv").write_text("current_A,distance_mm,Kanal 3\n0,1,2\n1,2,2.5\n1,3,2.2\n")
-    (tmp_path / "bench.toml").write_text('[columns]\n"Kanal 3" = "force_N"\n')
-    table = read_bench_table(tmp_path / "bench.csv", columns={"kanal 3": "hall_V"})
-    assert table.rows["hall_V"].tolist() == [2.0, 2.5, 2.2]
-    assert table.channels == ("hall_V",)
-
-
-def test_two_sweeps_of_a_coarse_display_are_no_copies(tmp_path):
-    d, i = np.repeat([2.0, 4.0, 6.0], 3), np.tile([1.0, 2.0, 3.0], 3)
-    once = pd.DataFrame({"distance_mm": d, "current_A": i, "force_N": np.round(2.0 * i**2 / d, 1)})
-    pd.concat([once, once]).to_csv(tmp_path / "coarse.csv", index=False)
-    assert len(read_bench_table(tmp_path / "coarse.csv").rows) == 18
-
-
 def test_what_two_runs_of_four_show_at_a_setting_is_no_outlier():
-    grid = np.stack(np.meshgrid(np.linspace(0, 1, 8), np.linspace(0, 1, 6), indexing="ij"), axis=-1).reshape(-1, 2)
-    place = np.column_stack([np.tile(grid, (4, 1)), np.zeros(192)])
-    value, run = np.random.default_rng(3).normal(size=192), np.repeat(np.arange(4), 48)
-    value[[2 * 48 + 20, 3 * 48 + 20]] += 30.0
-    assert not isolated_outliers(value, place, run, np.ones(192)).any()
-    value[3 * 48 + 20] -= 30.0
-    assert np.flatnonzero(isolated_outliers(value, place, run, np.ones(192))).tolist() == [2 * 48 + 20]
+    i, j, run = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 8), np.linspace(0, 1, 6), range(4)))
+    value = np.random.default_rng(3).normal(size=192)
+    here = np.flatnonzero((i == i[80]) & (j == j[80]))
+    for off, found in ((here[run[here] >= 2], []), (here[run[here] == 2], here[run[here] == 2])):
+        read = value + 30.0 * np.isin(np.arange(192), off)
+        outliers = isolated_outliers(read, np.column_stack([i, j, 0 * i]), run, np.ones(192))
+        assert np.flatnonzero(outliers).tolist() == list(found)

@@ -8,8 +8,11 @@ sizes, or the class of the error; ``mentions`` are the facts that its message na
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from femfit.core.errors import FemfitError
 from femfit.device.load import actuator_from_toml
@@ -17,6 +20,7 @@ from femfit.device.outlines import flattened
 from femfit.tables.femm.model import FemOptions
 from femfit.tables.femm.read import import_fem
 from support.expected import cases, rounded, unmentioned
+from support.fem_files import UNIT_MM, suspension
 
 DRAWINGS = Path(__file__).parent / "fem"
 
@@ -78,3 +82,22 @@ def test_a_drawing_becomes_the_actuator_that_is_expected(path, name, expected):
         result, text = rounded(facts(imported)), imported.toml + "\n".join(map(str, imported.findings))
     assert not unmentioned(case.get("mentions", ()), text), text
     expected.case(path, name, ("edits", "lines", "options", "mentions"), result)
+
+
+def imported(text):
+    return import_fem(text.encode(), "model.fem", FemOptions()).actuator
+
+
+def parts(actuator):
+    return (*actuator.fixed, *actuator.moving.regions, *actuator.coils)
+
+
+@settings(max_examples=15, deadline=None)
+@given(unit=st.sampled_from(sorted(UNIT_MM)), below=st.booleans(), face=st.sampled_from([0.0, -37.25, 12.5]))
+def test_a_drawing_in_other_units_upside_down_or_shifted_is_the_same_actuator(unit, below, face):
+    expected, actuator = imported(suspension()), imported(suspension(unit, below=below, face=face))
+    assert actuator.sweep == expected.sweep
+    for part, same in zip(parts(actuator), parts(expected), strict=True):
+        np.testing.assert_allclose(sorted(part.vertices_m), sorted(same.vertices_m), atol=1e-9)
+        # a mirror at a plane z = const leaves axial moments and currents as they are
+        assert getattr(part, "material", None) == getattr(same, "material", None)

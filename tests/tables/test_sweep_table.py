@@ -13,21 +13,15 @@ from femfit.tables.sweep_table import SweepTable, choose_variant, read_sweep_tab
 from support.expected import unmentioned
 
 SWEEPS = Path(__file__).parents[1] / "golden/inputs/sweeps"
-ROWS = pd.DataFrame(
-    {
-        "current_A": [0.0, 0.0, 1.0, 1.0],
-        "distance_m": [0.01, 0.02, 0.01, 0.02],
-        "force_N": [0.1, 1.0 / 3.0, 0.2, 0.06],
-        "status": ["ok", "ok", "ok", "failed: no mesh"],
-    }
-)
 
 
 def test_a_table_comes_back_bit_for_bit_with_its_manifest(tmp_path):
-    write_sweep_table(SweepTable(ROWS, {"kind": "sweep", "name": "a"}), tmp_path)
+    grid = {"current_A": [0.0, 0.0, 1.0, 1.0], "distance_m": [0.01, 0.02, 0.01, 0.02]}
+    rows = pd.DataFrame(grid | {"force_N": [0.1, 1.0 / 3.0, 0.2, 0.06], "status": [*3 * ["ok"], "failed: no mesh"]})
+    write_sweep_table(SweepTable(rows, {"kind": "sweep", "name": "a"}), tmp_path)
     for path in (tmp_path, tmp_path / "sweep.parquet", tmp_path / "sweep.csv"):
         table = read_sweep_table(path)
-        pd.testing.assert_frame_equal(table.rows, ROWS, check_exact=True)
+        pd.testing.assert_frame_equal(table.rows, rows, check_exact=True)
         assert table.manifest == {"kind": "sweep", "name": "a"}
     assert json.loads((tmp_path / "manifest.json").read_text()) == {"kind": "sweep", "name": "a"}
 
@@ -36,9 +30,9 @@ VARIED = pd.DataFrame(
     {
         "current_A": [0.0, 1.0] * 4,
         "distance_m": 0.01,
-        "force_N": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8],
+        "force_N": 0.1 * np.arange(1, 9),
         "status": "ok",
-        "variant": [1, 1, 2, 2, 3, 3, 4, 4],
+        "variant": np.repeat([1, 2, 3, 4], 2),
         "coil.turns": [250.0] * 4 + [308.123456789] * 4,
         "sleeve_radius_m": [0.009, 0.009, 0.01, 0.01] * 2,
     }
@@ -64,7 +58,7 @@ PLAIN = SweepTable(VARIED[["current_A", "distance_m", "force_N"]], {"name": "rig
 )
 def test_a_variant_is_chosen_by_its_number_or_its_values(where):
     chosen = choose_variant(TABLE, where)
-    assert chosen.rows["force_N"].tolist() == [0.5, 0.6]
+    assert chosen.rows["force_N"].tolist() == pytest.approx([0.5, 0.6])
     assert list(chosen.rows.columns) == ["current_A", "distance_m", "force_N", "status"]
     assert chosen.manifest["actuator"] == {"turns": 308}
     assert chosen.manifest["inputs"] == {"coil": {"turns": 308}}
@@ -74,10 +68,10 @@ def test_a_variant_is_chosen_by_its_number_or_its_values(where):
 
 def test_a_variant_of_a_material_or_without_its_manifest_is_chosen():
     chosen = choose_variant(SweepTable(VARIED), {"variant": 4.0})
-    assert chosen.rows["force_N"].tolist() == [0.7, 0.8]
+    assert chosen.rows["force_N"].tolist() == pytest.approx([0.7, 0.8])
     assert "actuator" not in chosen.manifest
     chosen = choose_variant(MATERIALS, {"core": "ferrite", "sleeve_radius_m": 0.01})
-    assert chosen.rows["force_N"].tolist() == [0.7, 0.8]
+    assert chosen.rows["force_N"].tolist() == pytest.approx([0.7, 0.8])
     assert chosen.manifest["variant"]["core"] == "ferrite"
     assert choose_variant(PLAIN, {}) is PLAIN
 
