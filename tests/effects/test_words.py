@@ -25,8 +25,7 @@ def said(name, nominal, ci95=None, **parameters):
 def test_the_first_of_two_sizes_that_need_as_much_of_their_range_is_said(nominal):
     effect = next(one for one in BUILT_IN if len(one.amplitudes) > 1)
     first, second = effect.amplitudes[:2]
-    share = 0.1
-    sizes = {first.name: share * first.width, second.name: share * (1.0 - 1e-9) * second.width}
+    sizes = {first.name: 0.1 * first.width, second.name: 0.1 * (1.0 - 1e-9) * second.width}
     alone = smallest_visible(effect, {first.name: sizes[first.name]}, nominal)
     assert smallest_visible(effect, sizes, nominal) == alone
 
@@ -34,40 +33,37 @@ def test_the_first_of_two_sizes_that_need_as_much_of_their_range_is_said(nominal
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_effect_is_said_without_an_internal_name_and_with_units(effect, sign, nominal):
-    values = {name: max(sign * value, low) for (name, value), low in zip(
-        typical_parameters(effect).items(), (p.lower for p in effect.amplitudes), strict=True)}  # fmt: skip
-    for p in effect.amplitudes:
-        clauses = describe(AddedEffect(effect, effect.null() | {p.name: values[p.name]}), nominal)
-        text = "; ".join(clauses)
-        if values[p.name] == p.null or p.name.startswith("gap_"):
-            assert not clauses
+    for p, typical in zip(effect.amplitudes, typical_parameters(effect).values(), strict=True):
+        value = max(sign * typical, p.lower)
+        text = "; ".join(said(effect.name, nominal, **{p.name: value}))
+        if value == p.null or p.name.startswith("gap_"):
+            assert not text
             continue
         assert re.search(r"\d+(\.\d+)? (%|[nµmk]?[A-Z]|m/s|mm|ms|s\b|K)", text), text
-        assert "_" not in text
-        assert "{" not in text
+        assert not set("_{") & set(text)
+
+
+SAID = [
+    ("remanence", {}, {"remanence_error": -0.042}, "the magnet is 4.2 % weaker than drawn"),
+    ("distance_offset", {"offset_m": (1.8e-4, 2.2e-4)}, {"offset_m": 2.04e-4},
+     "the gap is 0.20 mm larger than recorded (95 %: 0.18 to 0.22 mm)"),
+    ("turns", {"turns_error": (-0.05, -0.03)}, {"turns_error": -0.04},
+     "the winding has 4.0 % fewer turns than drawn (95 %: 3.0 to 5.0 %)"),
+    ("lateral_misalignment", {}, {"offset_squared_m2": 2.25e-6}, "the moving part hangs 1.5 mm beside the axis"),
+    ("hall_drift", {"ramp_V": (-36.0, 36.0)}, {"ramp_V": -0.01},
+     "Drift over 1000 readings (or seconds) of the campaign: not determined (95 %: -36 to 36 V)"),
+]  # fmt: skip
 
 
 def test_a_weak_magnet_a_larger_gap_and_a_saturating_core_are_said_as_an_engineer_would(nominal):
-    assert said("remanence", nominal, remanence_error=-0.042) == ["the magnet is 4.2 % weaker than drawn"]
-    interval = {"offset_m": (1.8e-4, 2.2e-4)}
-    assert said("distance_offset", nominal, interval, offset_m=2.04e-4) == [
-        "the gap is 0.20 mm larger than recorded (95 %: 0.18 to 0.22 mm)"
-    ]
-    assert said("turns", nominal, {"turns_error": (-0.05, -0.03)}, turns_error=-0.04) == [
-        "the winding has 4.0 % fewer turns than drawn (95 %: 3.0 to 5.0 %)"
-    ]
+    for name, ci95, parameters, text in SAID:
+        assert said(name, nominal, ci95, **parameters) == [text]
     (core,) = said("core_saturation", nominal, mmf_loss_3=0.01, mmf_loss_32=0.015)
     share = float(re.search(r"loses ([\d.]+) %", core).group(1))
     assert 1.5 < share < 2.5  # the demagnetising field withdraws a part of 2.5 %
-    assert said("lateral_misalignment", nominal, offset_squared_m2=2.25e-6) == [
-        "the moving part hangs 1.5 mm beside the axis"
-    ]
 
 
 def test_what_is_nothing_beside_a_wide_interval_is_not_determined(nominal):
-    assert said("hall_drift", nominal, {"ramp_V": (-36.0, 36.0)}, ramp_V=-0.01) == [
-        "Drift over 1000 readings (or seconds) of the campaign: not determined (95 %: -36 to 36 V)"
-    ]
     (narrow,) = said("hall_drift", nominal, {"ramp_V": (-0.002, 0.002)}, ramp_V=-1e-5)  # known to be next to none
     assert "drifts by 0.0 mV in" in narrow  # and not by -0
     (clear,) = said("hall_drift", nominal, {"ramp_V": (-1.0, 9.0)}, ramp_V=4.0)
@@ -90,9 +86,7 @@ def test_the_smallest_visible_size_is_said_of_the_shape_that_shows_best(nominal)
 
 
 def test_an_eccentric_plunger_is_not_called_a_magnet(nominal):
-    effect = effect_by_name("lateral_misalignment")
-    plunger = replace(nominal, magnet_share=0.0)
-    (text,) = describe(AddedEffect(effect, effect.null() | {"gap_all": 0.03}), plunger)
+    (text,) = said("lateral_misalignment", replace(nominal, magnet_share=0.0), gap_all=0.03)
     assert "3.0 % more flux linkage" in text
 
 
