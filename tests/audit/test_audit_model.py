@@ -153,7 +153,7 @@ def test_a_damaged_table_beside_a_model_is_said(fitted, tmp_path):
         (lambda rows: rows.assign(current_A=10.0 * rows["current_A"]), "where the model holds"),
         (lambda rows: rows.rename(columns={"current_A": "current_top_A"}), "current_A"),
         (lambda rows: rows.assign(current_top_A=rows["current_A"]), "current_top_A"),
-        (lambda rows: rows.assign(force_N=0.0), "forces"),
+        (lambda rows: rows.assign(force_N=0.0), "force_N is 0"),
     ],
 )
 def test_a_table_of_another_device_is_refused_with_what_does_not_match(fitted, tmp_path, change, needed):

@@ -87,15 +87,6 @@ def test_self_sensing_finds_the_distance_from_voltage_and_current(log):
     assert check.rms == pytest.approx(np.hypot(np.sqrt(np.mean(error**2)), TRUE["laser"]), rel=0.05)
 
 
-def test_missing_samples_and_a_gap_do_no_harm(log):
-    distance = log[1].rows["distance_m"].to_numpy(copy=True)
-    distance[1000:1500] = np.nan
-    gap = changed(log[1], distance_m=distance, segment=(np.arange(4000) >= 2000).astype(int))
-    one = ff.observe(damped(), gap, find=False).filters[0]
-    assert one.trusted
-    assert {each.sensor: each.count for each in one.innovations}["laser"] == 3500
-
-
 def test_clipped_readings_are_said_and_not_believed(log):
     (shunt, laser), record = damped().other_sensors, log[1]
     model = replace(damped(), other_sensors=(replace(shunt, maximum=0.35), laser))

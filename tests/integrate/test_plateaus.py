@@ -38,8 +38,10 @@ def test_the_wander_of_the_offset_between_plateaus_is_covered_by_the_uncertainty
     generator = np.random.default_rng(6)
     current = np.repeat(np.arange(200) % 2, 200).astype(float)
     current[199::200] = 0.5
-    walks = [np.cumsum(generator.normal(0.0, 1e-6, len(current))) for _ in range(20)]
-    found = [flux(walk + generator.normal(0.0, 1e-7, len(current)), current, settling=0.5) for walk in walks]
+    found = []
+    for _ in range(20):
+        walk = np.cumsum(generator.normal(0.0, 1e-6, len(current)))
+        found.append(flux(walk + generator.normal(0.0, 1e-7, len(current)), current, settling=0.5))
     scatter = np.sqrt(np.mean([one.flux[-1] ** 2 for one in found]))
     # Cautious, as neighbouring gaps' errors cancel in part; 20 draws tell the scatter to 16 %. White noise alone: 1 %.
     assert 1.0 < np.mean([one.sigma[-1] for one in found]) / scatter < 2.0

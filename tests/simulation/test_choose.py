@@ -9,7 +9,7 @@ from golden.door import model
 
 from femfit.core.errors import DomainError
 from femfit.device.electrics import Drive
-from femfit.device.mechanics import Spring, Stop
+from femfit.device.mechanics import Spring
 from femfit.model.bspline import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.model.validity import ProcessNoise
@@ -138,13 +138,6 @@ def test_a_fourth_state_holds_a_hall_offset_within_micrometres_and_a_force_error
         assert abs(bias) == pytest.approx(0.10e-3, rel=0.35)
 
 
-@pytest.mark.nightly
-def test_loops_that_are_all_lost_have_no_numbers_and_no_warning(levitation_model):
-    study = closed_loop_study(levitation_model, noise=1.0)  # of the 0.9 V that the magnet moves the output
-    assert all(row.held == 0 for row in study.steps)
-    assert "nan" not in str(study)
-
-
 @pytest.fixture(scope="module")
 def turning(levitation_model):
     """A Hall voltage that turns at 36.8 mm, beyond the reference distances: no inversion, but enough for a filter."""
@@ -207,22 +200,6 @@ def test_a_body_that_springs_hold_has_a_position_loop(optical):
         loop = close_loop(stable, controller=name, estimator="ukf", runs=2, seconds=0.6)
         assert loop.held == 2
         assert loop.tracking_rms_m.median < 1e-4
-
-
-@pytest.mark.nightly
-def test_a_body_is_lost_where_it_meets_a_stop_whether_it_stays_or_bounces(ball):
-    """Without gain it falls to its far stop; the stop is within the model's distances."""
-    lost_s = []
-    for restitution in (0.0, 0.6):
-        motion = replace(ball.motion, far_stop=Stop(0.024, restitution), near_stop=Stop(0.0155, restitution))
-        idle = {"gains": {"kp": 0.0, "ki": 0.0, "kd": 0.0}, "estimator": "ukf"}
-        loop = close_loop(replace(ball, motion=motion), **idle, runs=2, seconds=0.5, recorded=2, rng=1)
-        assert loop.held == 0
-        assert set(loop.outcomes) <= {"FELL", "PULLED_IN"}
-        lost_s.append(loop.result.outcome_time_s)
-        before = loop.result.series.distance_m[loop.result.time_s < lost_s[-1].min() - 1e-9]
-        assert ((before > 0.0155) & (before < 0.024)).all()
-    np.testing.assert_array_equal(*lost_s)
 
 
 def test_a_loop_that_hardly_uses_its_sensors_is_not_sent_to_a_record_whose_noise_it_has():

@@ -14,6 +14,7 @@ from femfit.simulation.profile import Profile, read_profiles
 from support.one_current import flat
 from support.parts import with_circuit, with_motion
 from support.solenoids import HELD, NoField, solenoid
+from support.switching import pulse
 
 DENSE_A = 1e-8
 """Between the integrator's steps its interpolation is a little worse than 1e-9 of the range, 4 A."""
@@ -22,10 +23,6 @@ DENSE_A = 1e-8
 def coil(drive=None, series_H=0.0):
     """A winding of 10 mH and 20 ohm beside a body that rests."""
     return with_circuit(replace(solenoid(HELD, drive), magnetics=NoField()), inductance_H=series_H)
-
-
-def pulse(kind, on, off, end=0.01):
-    return Profile(kind, np.array([0.0, end]), np.array([on, off]))
 
 
 @pytest.mark.parametrize("series_H", [0.0, 0.03])
@@ -51,7 +48,7 @@ def test_a_ramp_of_voltage_is_followed_and_cut_at_the_supply():
 
 @pytest.mark.parametrize("drop", [0.7, 24.7])
 def test_the_current_goes_on_through_the_diode_until_it_is_zero(drop):
-    motion = simulate(coil(Drive(diode_V=drop)), drive=pulse("voltage", 12.0, 0.0), duration_s=0.02)
+    motion = simulate(coil(Drive(diode_V=drop)), drive=pulse("voltage", 12.0, end=0.01), duration_s=0.02)
     current = 0.6 * (1.0 - np.exp(-20.0))
     over = 0.01 + 5e-4 * np.log(1.0 + 20.0 * current / drop)
     assert [event.time_s for event in motion.events] == [pytest.approx(over, rel=1e-8)]
@@ -77,7 +74,7 @@ def test_a_magnet_that_falls_away_drives_a_current_through_the_diode(levitation_
 
 
 def test_a_current_amplifier_ramps_at_its_voltage_and_then_follows():
-    motion = simulate(coil(Drive("current")), drive=pulse("current", 0.3, 0.1), duration_s=0.02)
+    motion = simulate(coil(Drive("current")), drive=pulse("current", 0.3, 0.1, 0.01), duration_s=0.02)
     time, found = motion.table["time_s"], motion.table["current_A"]
     reached = -5e-4 * np.log(1.0 - 0.3 * 20.0 / 12.0)
     np.testing.assert_allclose(found[(time > reached) & (time < 0.01)], 0.3, rtol=1e-12)
@@ -107,7 +104,7 @@ def test_all_energy_is_accounted_for_with_friction_and_a_stop_that_gives_way(dri
     """Rigid stops and other drivers: two halves switch as the whole coil."""
     stops = {"near_stop": Stop(0.2e-3, 0.4), "far_stop": Stop(4e-3, 0.2, 1e6)}
     rough = with_motion(solenoid(drive=drive), gravity_m_s2=-2.0, viscous_N_s_per_m=0.3, coulomb_N=0.02, **stops)
-    motion = simulate(with_motion(rough, load_N=0.01), drive=pulse(kind, on, 0.0, end=0.08), duration_s=0.15)
+    motion = simulate(with_motion(rough, load_N=0.01), drive=pulse(kind, on, end=0.08), duration_s=0.15)
     assert [one.kind for one in motion.switchings][:2] == ["pull_in", "drop_out"]
     assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
     assert motion.energy.impact_J > 0.0

@@ -19,6 +19,7 @@ from support.parts import with_circuit, with_motion
 from support.readings import LASER
 from support.solenoids import HELD, NoField, inductance, searched, solenoid
 from support.steps import runge_kutta_step
+from support.switching import pulse
 
 
 def body(**mechanics):
@@ -135,7 +136,7 @@ def test_plant_and_filters_stay_on_a_stop_with_the_current_of_a_motion_with_even
     time = np.arange(800) * 2e-4
     volts = np.where(time < 0.11, 12.0, 0.0)
     alone = model if len(model.circuits) == 1 else whole
-    found = simulate(alone, drive=pulse(0.11), duration_s=time[-1], sample_time_s=2e-4).table
+    found = simulate(alone, drive=pulse("voltage", 12.0, end=0.11), duration_s=time[-1], sample_time_s=2e-4).table
     distance, current = (np.interp(time, found["time_s"], found[name]) for name in ("distance_m", "current_A"))
     process = kalman_filter(replace(model, other_sensors=(LASER,)), sensors=("laser",)).process
     for step in (Plant(model).step, process.transition):
@@ -164,10 +165,6 @@ def test_a_body_pressed_on_a_stop_that_gives_way_comes_to_rest_in_it():
 TIMES = (8e-3, 1e-5)
 
 
-def pulse(end_s):
-    return Profile("voltage", np.array([0.0, end_s]), np.array([12.0, 0.0]))
-
-
 def closes(motion):
     return abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
 
@@ -175,7 +172,7 @@ def closes(motion):
 def test_a_solid_solenoid_switches_later_and_the_energy_is_all_there():
     """Patterns of 10 us and 8 ms in one run."""
     plain, solid = solenoid(), with_eddies(solenoid(), TIMES)
-    fast, slow = (simulate(model, drive=pulse(0.16), duration_s=0.25) for model in (plain, solid))
+    fast, slow = (simulate(model, drive=pulse("voltage", 12.0, end=0.16), duration_s=0.25) for model in (plain, solid))
     assert [one.kind for one in slow.switchings] == ["pull_in", "drop_out"]
     for before, after in zip(fast.switchings, slow.switchings, strict=True):
         assert after.switching_time_s > before.switching_time_s
@@ -190,7 +187,7 @@ def test_a_solid_solenoid_switches_later_and_the_energy_is_all_there():
 def test_a_blocked_winding_leaves_its_core_the_eddy_currents():
     """Once the diode blocks, the current is zero and the force decays with the slowest pattern."""
     model = with_eddies(solenoid(HELD, Drive(diode_V=0.7)), (20e-3, 2e-3))
-    motion = simulate(model, drive=pulse(0.02), duration_s=0.08, start_m=4e-3)
+    motion = simulate(model, drive=pulse("voltage", 12.0), duration_s=0.08, start_m=4e-3)
     (stop,) = [event.time_s for event in motion.events if event.name == "current_stops"]
     table = motion.table
     after = table["time_s"] > stop + 0.01

@@ -18,8 +18,8 @@ from support.bearing import table_of
 from support.halves import NAMES, cut_in_two
 from support.parts import with_circuit, with_motion
 from support.solenoids import HELD, NoField, solenoid
+from support.switching import pulse
 
-PULSE = np.array([0.0, 0.08])
 DRIVES = {
     "bridge": (None, "voltage", 12.0),
     "diode": (Drive(diode_V=0.7), "voltage", 12.0),
@@ -33,8 +33,8 @@ def test_two_halves_switch_as_the_whole_coil(name):
     """With something in series, and each half with half of the voltage, or the same current."""
     drive, kind, on = DRIVES[name]
     whole = with_circuit(solenoid(drive=drive), inductance_H=2e-3)
-    one = simulate(whole, drive=Profile(kind, PULSE, np.array([on, 0.0])), duration_s=0.15)
-    command = Profile(kind, PULSE, np.array([0.5 * on if kind == "voltage" else on, 0.0]))
+    one = simulate(whole, drive=pulse(kind, on, end=0.08), duration_s=0.15)
+    command = pulse(kind, 0.5 * on if kind == "voltage" else on, end=0.08)
     two = simulate(cut_in_two(whole), drive=dict.fromkeys(NAMES, command), duration_s=0.15)
     assert [(s.kind, s.bounces) for s in two.switchings] == [(s.kind, s.bounces) for s in one.switchings]
     for mine, other in zip(two.switchings, one.switchings, strict=True):
@@ -69,10 +69,7 @@ def bearing():
 
 
 def test_all_energy_of_two_unlike_circuits_is_accounted_for(bearing):
-    drive = {
-        "lower": Profile("voltage", np.array([0.0, 0.01]), np.array([1.5, -1.5])),
-        "upper": Profile("voltage", np.array([0.0, 0.02]), np.array([1.2, 0.0])),
-    }
+    drive = {"lower": pulse("voltage", 1.5, -1.5, 0.01), "upper": pulse("voltage", 1.2)}
     motion = simulate(bearing, drive=drive, duration_s=0.06, outside="extrapolate")
     assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
     assert motion.energy.diode_J > 0.0
@@ -86,8 +83,7 @@ def test_all_energy_of_two_unlike_circuits_is_accounted_for(bearing):
 def test_a_current_in_one_circuit_drives_the_other_ones_diode():
     """Held still, two coils are a transformer: with one switched off, the other's current goes on by the diode."""
     model = cut_in_two(solenoid(replace(HELD, springs=(Spring(0.0, 50.0),)), Drive(diode_V=0.2)))
-    off = Profile("voltage", np.array([0.0, 0.02]), np.array([6.0, 0.0]))
-    motion = simulate(model, drive={"inner": off}, duration_s=0.05)
+    motion = simulate(model, drive={"inner": pulse("voltage", 6.0)}, duration_s=0.05)
     outer, time = motion.table["current_outer_A"], motion.table["time_s"]
     assert np.all(outer[time < 0.0199] == 0.0)  # a rising current drives it against its diode
     assert outer.max() > 0.05  # a falling one through it

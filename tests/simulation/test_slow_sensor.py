@@ -23,7 +23,6 @@ from femfit.simulation.observers import DirectObserver
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, SensorErrors, loop_sensors, with_force_scale
-from femfit.simulation.profile import Profile
 from femfit.simulation.targets import Reference
 from support.added_effects import added
 from support.bearing import CIRCUITS, ENTRY, table_of
@@ -31,6 +30,7 @@ from support.closed_loop import run
 from support.eddies import with_eddies
 from support.readings import LASER
 from support.solenoids import SHARE, search_coil, solenoid
+from support.switching import pulse
 
 PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
 BY_EKF = Experiment("backstepping", "ekf", (DISTANCE,))
@@ -135,8 +135,7 @@ def test_the_plant_follows_a_diode_as_the_open_loop_does(times):
     """The closed loop's steps keep the flux that patterns link where a diode blocks, and let no current turn."""
     model = replace(solenoid(Mechanics(1e9, 0.0), Drive(diode_V=0.7)), sample_time_s=0.1e-3)
     model = with_eddies(model, times) if times else model
-    command = Profile("voltage", np.array([0.0, 0.02]), np.array([12.0, 0.0]))
-    table = simulate(model, drive=command, duration_s=0.04, start_m=4e-3, sample_time_s=0.1e-3).table
+    table = simulate(model, drive=pulse("voltage", 12.0), duration_s=0.04, start_m=4e-3, sample_time_s=0.1e-3).table
     plant = Plant(model)
     state, found, currents = plant.start(np.array([[4e-3, 0.0, 0.0]])), [], []
     for k in range(400):
