@@ -17,6 +17,7 @@ from femfit.effects.effect import AddedEffect, EffectPoint
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
+from femfit.integrate.field_of_current import play_paths
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from support.coenergies import partials
@@ -184,20 +185,6 @@ def test_the_family_of_inductance_describes_a_small_iron_body_before_a_coil(nomi
     assert np.linalg.norm(fit.fun) < 0.03 * np.linalg.norm(seen)
 
 
-def played(current, thresholds, weights):
-    """A sum of play operators over three equal cycles, of which the last is returned."""
-    total = np.zeros(len(current))
-    for threshold, weight in zip(thresholds, weights, strict=True):
-        state = 0.0
-        for _ in range(3):
-            track = []
-            for value in current:
-                state = min(max(state, value - threshold), value + threshold)
-                track.append(state)
-        total += weight * np.array(track)
-    return total
-
-
 def test_a_plunger_beside_its_axis_is_a_gap_of_less_reluctance_in_series(nominal):
     effect = effect_by_name("lateral_misalignment")
     plunger = replace(nominal, magnet_share=0.0)
@@ -218,7 +205,8 @@ def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
     fine = np.concatenate([rising, rising[::-1]])
     seen = np.concatenate([np.arange(0, 281, 20), 281 + np.arange(0, 281, 20)])
     i, branch = fine[seen], np.repeat([1.0, -1.0], 15)
-    loop = played(fine, (0.05, 0.15, 0.4), (0.5, 0.3, 0.2))[seen] - i
+    cycles = play_paths(np.array([0.05, 0.15, 0.4]), np.zeros(3), np.tile(fine, 3)) @ [0.5, 0.3, 0.2]
+    loop = cycles[-len(fine) :][seen] - i  # of the last
     at = Conditions(nominal, branch=branch, current_turn_A=(-1.4, 1.4))
 
     def column(name):

@@ -14,6 +14,8 @@ from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.moments import UnscentedFilter
 from femfit.estimate.noise import FilterNoise
 from femfit.model.sensors import predict_sensor, sampled_readings, sensor_named
+from femfit.model.with_effects import with_effects
+from support.added_effects import added
 from support.eddies import with_eddies
 from support.parts import with_circuit, with_motion
 from support.readings import LASER, SHUNT, read_by
@@ -197,16 +199,31 @@ def tracked(model, filter_model, kind):
     return float(np.mean(seen)), state, truth
 
 
+EFFECTS = [
+    added("eddy_current_lag", ring_share=0.2, diffusion_share=0.1),
+    added("hysteresis", width_medium=0.02),
+    added("sensor_delay", delay_s=1e-3),
+    added("magnet_demagnetisation", loss=0.03),
+    added("viscous_friction", damping_per_s=3.0),
+    added("driver_gain", gain_error=0.03),
+    added("hall_saturation", cubic_loss=0.02),
+]
+
+
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
-def test_a_filter_that_knows_the_eddy_currents_is_consistent_and_one_that_does_not_is_not(levitation_model, kind):
-    model = with_two_sensors(with_eddies(levitation_model))
-    model = replace(model, eddy=replace(model.eddy, error=None))
+@pytest.mark.parametrize("effects", [(), EFFECTS], ids=["eddy currents", "effects"])
+def test_a_filter_that_knows_what_lags_and_errs_is_consistent_and_one_that_does_not_is_not(
+    levitation_model, kind, effects
+):
+    rig = with_two_sensors(levitation_model)
+    solid = with_eddies(rig)
+    model = with_effects(rig, effects) if effects else replace(solid, eddy=replace(solid.eddy, error=None))
     knowing, state, truth = tracked(model, model, kind)
     # Less than one: the process noise allows for patterns that are off by 1 % of the whole swing, and these are not
     assert 0.3 < knowing < 1.1
     deviations = np.sqrt(np.diagonal(state.covariance[0]))
-    assert (np.abs(state.mean[0, :6] - truth) < 4.0 * deviations[:6]).all()
-    ignorant, *_ = tracked(model, replace(model, eddy=None), kind)
+    assert (np.abs(state.mean[0, : len(truth)] - truth) < 4.0 * deviations[: len(truth)]).all()
+    ignorant, *_ = tracked(model, rig, kind)
     assert ignorant > 5.0
 
 

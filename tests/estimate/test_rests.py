@@ -109,11 +109,8 @@ def test_a_filter_does_not_let_a_held_body_fall(blocked):
 def test_noise_of_the_sensors_alone_leaves_a_resting_body_at_rest():
     generator = np.random.default_rng(3)
     for _ in range(20):
-        time = 1e-4 * np.arange(4000)
-        distance = 4e-3 + DISTANCE_M * generator.standard_normal(4000)
-        current = CURRENT_A * generator.standard_normal(4000)
-        track = Track(time, np.zeros(4000, int), distance, current[:, None], DISTANCE_M)
-        (rest,) = find_rests(solenoid(), track).rests
+        distance, current = generator.standard_normal((2, 4000)) * [[DISTANCE_M], [CURRENT_A]]
+        (rest,) = rests_of(solenoid(), series(np.zeros(4000), current, 4e-3 + distance)).rests
         assert (rest.first, rest.last) == (0, 3999)
 
 

@@ -51,8 +51,7 @@ def test_white_noise_is_found_on_a_moving_signal(sigma):
 @pytest.mark.parametrize("method", ["trapezoid", "cs1-offset"])
 def test_the_uncertainty_holds_what_it_says(method):
     """Errors of gain, area and offset drawn from what is claimed: the error over its sigma has an rms of 1."""
-    rng = np.random.default_rng(3)
-    time = np.arange(4000) * DT
+    rng, time = np.random.default_rng(3), np.arange(4000) * DT
     field = 0.2 + 0.1 * np.minimum(time, 2.0)
     claimed = Systematics(1e-3, 2e-3, 1e-4, 0.0 if method == "cs1-offset" else 1e-5)
     scores = []
@@ -61,8 +60,7 @@ def test_the_uncertainty_holds_what_it_says(method):
         voltage = 0.059394 * np.gradient(field, time) * (1 + 1e-3 * area) + 1e-5 * offset + 1e-6 * rng.normal(size=4000)
         hall = field * (1 + 2e-3 * gain) + 1e-4 * zero + 1e-5 * rng.normal(size=4000)
         record = CoilBlock(time, voltage, hall)
-        initial = 0.2 if method == "trapezoid" else None
-        options = IntegrationOptions(method, PAPER_COIL, initial_field=initial)
+        options = IntegrationOptions(method, PAPER_COIL, initial_field=0.2 if method == "trapezoid" else None)
         ((_, block),) = integrate_blocks(make_integrator(options, record), [record])
         scores.append((block.field[-1] - field[-1]) / block.sigma(claimed)[-1])
     # 60 draws: the rms is known to 9 % (one standard deviation).

@@ -126,8 +126,7 @@ def stepping(model, step, volts):
 
 
 @pytest.mark.parametrize(
-    ("kind", "restitution"),
-    [("rigid", 0.0), ("rigid", 0.2), ("with eddy currents", 0.2), ("in halves", 0.0)],
+    ("kind", "restitution"), [("rigid", 0.0), ("rigid", 0.2), ("with eddy currents", 0.2), ("in halves", 0.0)]
 )
 def test_plant_and_filters_stay_on_a_stop_with_the_current_of_a_motion_with_events(kind, restitution):
     stops = {"near_stop": Stop(0.2e-3, restitution), "far_stop": Stop(4e-3, restitution)}

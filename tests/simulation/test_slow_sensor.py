@@ -9,22 +9,17 @@ from scipy.stats import chi2
 
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, Drive, PositionSensor
 from femfit.device.mechanics import Mechanics
-from femfit.estimate.kalman_filter import kalman_filter
 from femfit.fit.build import fit_model
 from femfit.model.dynamics import voltages_needed
-from femfit.model.with_effects import with_effects
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance
-from femfit.simulation.gains import design_backstepping
 from femfit.simulation.linear_loop import linear_plant
-from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant, SensorErrors, loop_sensors, with_force_scale
-from femfit.simulation.targets import Reference
-from support.added_effects import added
+from femfit.simulation.plant import Plant, loop_sensors, with_force_scale
+from support.added_effects import usually
 from support.bearing import CIRCUITS, ENTRY, table_of
 from support.closed_loop import run
 from support.eddies import with_eddies
@@ -118,15 +113,6 @@ def test_two_coupled_coils_of_the_direct_measurement_follow_their_equations(curr
     np.testing.assert_allclose(found[0], whole[:2, :2] @ currents + whole[:2, 2], rtol=1e-9)
 
 
-EFFECTS = [
-    added("eddy_current_lag", ring_share=0.2, diffusion_share=0.1),
-    added("hysteresis", width_medium=0.02),
-    added("sensor_delay", delay_s=1e-3),
-    added("magnet_demagnetisation", loss=0.03),
-    added("viscous_friction", damping_per_s=3.0),
-    added("driver_gain", gain_error=0.03),
-    added("hall_saturation", cubic_loss=0.02),
-]
 DISTANCE_M = 0.024
 
 
@@ -148,17 +134,17 @@ def test_the_plant_follows_a_diode_as_the_open_loop_does(times):
     assert currents[-1] < 1e-12  # of patterns that go on, to rounding
 
 
-@pytest.mark.parametrize("name", ["plain", "effects"])
-def test_a_plant_of_another_force_has_its_motional_constant_scaled_alike(levitation_model, name):
+@pytest.mark.parametrize("effects", [(), ("eddy_current_lag", "magnet_demagnetisation", "driver_gain")])
+def test_a_plant_of_another_force_has_its_motional_constant_scaled_alike(levitation_model, effects):
     """A stronger one falls more slowly, and a factor of one changes nothing."""
-    model = with_effects(levitation_model, EFFECTS) if name == "effects" else levitation_model
+    model = usually(levitation_model, *effects)
     stronger, volts = with_force_scale(model, 1.1), np.full((4, 1), 1.1)
     state = np.random.default_rng(2).normal(0.0, 0.05, (4, model.order))
     state[:, [0, 2]] = 0.022, 0.4
     found, same = Plant(stronger).step(state, volts), Plant(model).step(state, volts)
     assert (found[:, 1] < same[:, 1]).all()
     np.testing.assert_allclose(Plant(with_force_scale(model, 1.0)).step(state, volts), same, rtol=1e-9, atol=1e-12)
-    if name == "plain":
+    if not effects:
         for part in ("force", "motional_constant"):
             scaled, plain = (getattr(one.magnetics, part)(state[:, 0], state[:, 2:]) for one in (stronger, model))
             np.testing.assert_allclose(scaled, 1.1 * plain, rtol=1e-14)
@@ -175,33 +161,3 @@ def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):
     assert (moduli > 1.0).sum() == 1  # one is unstable, as without
     # Conducting parts brake what runs away
     assert 1.0 < moduli.max() < np.abs(np.linalg.eigvals(still)).max()
-
-
-STEPS = 200
-
-
-def held(truth, believed):
-    """Errors of the estimate and squared innovations in the second half of 0.1 s at one place, of 6 runs."""
-    point = operating_point(truth, DISTANCE_M)
-    loop = ClosedLoop(
-        Plant(truth),
-        loop_sensors(truth, {"hall": truth.sensor.noise_V}, truth.sample_time_s),
-        SensorErrors(),
-        kalman_filter(believed, commanded=True, hall_bias=False),
-        (design_backstepping(truth, [point]),),
-        Reference(*np.broadcast_to([[DISTANCE_M], [0.0], [0.0]], (3, STEPS)), np.zeros((STEPS, 1))),
-    )
-    series = run_loop(loop, np.tile(point.state, (6, 1)), np.random.default_rng(0))[0].series
-    error = (series.estimated_distance_m - series.distance_m)[STEPS // 2 :]
-    return error, series.normalised_innovation_squared[STEPS // 2 :].mean()
-
-
-def test_a_filter_that_knows_the_effects_is_consistent_and_one_that_does_not_sees_the_body_elsewhere(levitation_model):
-    truth = with_effects(levitation_model, EFFECTS)
-    error, squared = held(truth, truth)
-    # 600 innovations: three standard errors are 0.17; the converter's rounding is within the noise
-    assert 0.8 < squared < 1.17
-    assert np.abs(error.mean(axis=0)).mean() < 60e-6
-    ignorant, larger = held(truth, levitation_model)
-    assert np.sqrt(np.mean(ignorant**2)) > 3.0 * np.sqrt(np.mean(error**2))
-    assert larger > squared
