@@ -9,7 +9,7 @@ from golden.door import model
 
 from femfit.core.errors import DomainError
 from femfit.device.electrics import Drive
-from femfit.device.mechanics import Spring
+from femfit.device.mechanics import Spring, Stop
 from femfit.model.bspline import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.model.validity import ProcessNoise
@@ -20,6 +20,7 @@ from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.operating_point import operating_point
 from support.expected import unmentioned
 from support.levitation import REFERENCE_DISTANCE, STEEL, fitted_spline
+from support.parts import with_circuit, with_motion
 
 
 def test_the_worst_margins_do_not_depend_on_their_order():
@@ -181,8 +182,8 @@ DRIVES = {
 @pytest.mark.nightly
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball, drive):
-    circuit = replace(ball.circuit, drive=Drive(**DRIVES[drive]), voltage_min_V=0.0)
-    loop = close_loop(replace(ball, circuits=(circuit,)), runs=2, seconds=0.9, recorded=1)
+    driven = with_circuit(ball, drive=Drive(**DRIVES[drive]), voltage_min_V=0.0)
+    loop = close_loop(driven, runs=2, seconds=0.9, recorded=1)
     assert loop.held == 2, loop
     assert loop.tracking_rms_m.median < 4e-4
     currents = loop.result.series.currents_A
@@ -192,14 +193,29 @@ def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball
 @pytest.mark.nightly
 def test_a_body_that_springs_hold_has_a_position_loop(optical):
     """A stiff spring makes every rest stable; the reference still asks for other places."""
-    motion = replace(optical.motion, springs=(Spring(20.0, 0.0, 0.024),))
-    stable = replace(optical, motion=motion, reference_distances_m=(0.024, 0.0245))
+    sprung = with_motion(optical, springs=(Spring(20.0, 0.0, 0.024),))
+    stable = replace(sprung, reference_distances_m=(0.024, 0.0245))
     assert all(point.unstable_pole_rad_s == 0.0 for point in design_loop(stable).points)
     assert "stable" in str(close_loop(stable, runs=1, seconds=0.05))
     for name in CONTROLLERS:
         loop = close_loop(stable, controller=name, estimator="ukf", runs=2, seconds=0.6)
         assert loop.held == 2
         assert loop.tracking_rms_m.median < 1e-4
+
+
+@pytest.mark.nightly
+def test_a_body_is_lost_where_it_meets_a_stop_whether_it_stays_or_bounces(ball):
+    """Without gain it falls to its far stop; the stop is within the model's distances."""
+    idle, lost_s = {"gains": {"kp": 0.0, "ki": 0.0, "kd": 0.0}, "estimator": "ukf"}, []
+    for restitution in (0.0, 0.6):
+        model = with_motion(ball, far_stop=Stop(0.024, restitution), near_stop=Stop(0.0155, restitution))
+        loop = close_loop(model, **idle, runs=2, seconds=0.5, recorded=2, rng=1)
+        assert loop.held == 0
+        assert set(loop.outcomes) <= {"FELL", "PULLED_IN"}
+        lost_s.append(loop.result.outcome_time_s)
+        before = loop.result.series.distance_m[loop.result.time_s < lost_s[-1].min() - 1e-9]
+        assert ((before > 0.0155) & (before < 0.024)).all()
+    np.testing.assert_array_equal(*lost_s)
 
 
 def test_a_loop_that_hardly_uses_its_sensors_is_not_sent_to_a_record_whose_noise_it_has():
