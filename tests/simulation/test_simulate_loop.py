@@ -20,6 +20,14 @@ from support.one_current import within
 from support.parts import with_circuit, with_motion, with_sensor
 from support.readings import LASER_10_V
 
+
+def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(design):
+    loops = (run(design, Experiment("pid", "ukf", (0.022,)), steps=50, seed=seed) for seed in (3, 3, 4))
+    first, second, other = (loop.series.distance_m for loop in loops)
+    np.testing.assert_array_equal(first, second)
+    assert np.all(first[-1] != other[-1])
+
+
 STUCK = {LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.FILTER_DIVERGED}
 BY_UKF, BY_PID = ("backstepping", "ukf", (0.022,)), ("pid", "direct", (0.026,))
 LOST = {
