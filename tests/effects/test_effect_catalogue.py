@@ -53,7 +53,8 @@ def test_an_effect_says_what_users_need(effect):
 def test_an_effect_at_its_null_changes_nothing(effect, levitation_model):
     # Off the knots of the base's spline, where its fourth derivative jumps
     d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.01545, 0.04365, 7), np.linspace(0.0, 1.4, 7)))
-    at = conditions_at(levitation_model, 49, motional_V=0.05 * np.cos(np.arange(49.0)), current_turn_A=(0.0, 1.4))
+    known = {"memory": {}, "motional_V": 0.05 * np.cos(np.arange(49.0)), "current_turn_A": (0.0, 1.4)}
+    at = conditions_at(levitation_model, 49, **known)
     plain = predict_readings(levitation_model, d, i, at)
     shapes = [{p.name: value} for p in effect.parameters if p.nonlinear for value in (p.null, *p.plausible)]
     for shape in shapes or [{}]:
