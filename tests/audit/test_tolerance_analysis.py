@@ -23,21 +23,17 @@ def table(small_sweep):
     return read_sweep_table(small_sweep / "run")
 
 
-def _points(table):
-    return table.rows[["distance_m", "current_A"]].itertuples(index=False)
-
-
 @pytest.mark.parametrize("quantity", ["force_N", "flux_linkage_Wb"])
 def test_remanence_and_turns_together_make_twice_the_quantity(table, quantity):
     """Where the iron is linear, the field grows with both sources: Euler's theorem for homogeneous functions."""
-    for distance, current in _points(table):
+    for distance, current in table.rows[["distance_m", "current_A"]].itertuples(index=False):
         found = analyse_tolerances(table, distance_m=distance, currents_A=[current], quantity=quantity)
         gradients = {one.number.effect: one.gradient for one in found.shares}
         assert gradients["remanence"] + gradients["turns"] == pytest.approx(2.0 * found.value, rel=1e-4)
 
 
 def test_the_scatter_is_the_root_of_the_sum_of_squares_and_shares_add_up_to_one(table):
-    distance, current = next(iter(_points(table)))
+    distance, current = table.rows[["distance_m", "current_A"]].iloc[0]
     found = analyse_tolerances(table, distance_m=distance, currents_A=[current])
     alone = [abs(one.gradient) * one.number.tolerance for one in found.shares]
     assert found.scatter == pytest.approx(np.linalg.norm(alone), rel=1e-12)
@@ -49,7 +45,7 @@ def test_the_scatter_is_the_root_of_the_sum_of_squares_and_shares_add_up_to_one(
 @pytest.mark.nightly
 def test_shares_are_sobols_indices_of_drawings_that_are_solved(table):
     """By Saltelli's estimate from 256 drawings of which two dimensions scatter; good to a few hundredths."""
-    distance, current = next(iter(_points(table)))
+    distance, current = table.rows[["distance_m", "current_A"]].iloc[0]
     found = analyse_tolerances(table, distance_m=distance, currents_A=[current])
     lines = {HEIGHT: "r_mm = [0, 4]\nz_mm = [0, {:.9f}]", RADIUS: "r_mm = [0, {:.9f}]\nz_mm = [-10, 0]"}
     chosen = {one.number.key: one for one in found.shares if one.number.key in lines}
@@ -77,9 +73,10 @@ def test_shares_are_sobols_indices_of_drawings_that_are_solved(table):
 def test_what_is_asked_for_must_be_there(table):
     with pytest.raises(MissingPartError, match="--signatures"):
         analyse_tolerances(replace(table, signatures=None), distance_m=5e-3, currents_A=[0.5])
-    with pytest.raises(UsageError, match=r"4\.000 mm to 12\.00 mm; got 20\.00 mm"):
-        analyse_tolerances(table, distance_m=20e-3, currents_A=[0.5])
-    with pytest.raises(UsageError, match="one number for each of current_A; got 2"):
-        analyse_tolerances(table, distance_m=5e-3, currents_A=[0.5, 0.5])
-    with pytest.raises(UsageError, match="quantity must be one of force_N"):
-        analyse_tolerances(table, distance_m=5e-3, currents_A=[0.5], quantity="stiffness")
+    for wrong, said in (
+        ({"distance_m": 20e-3}, r"4\.000 mm to 12\.00 mm; got 20\.00 mm"),
+        ({"currents_A": [0.5, 0.5]}, "one number for each of current_A; got 2"),
+        ({"quantity": "stiffness"}, "quantity must be one of force_N"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            analyse_tolerances(table, **{"distance_m": 5e-3, "currents_A": [0.5]} | wrong)

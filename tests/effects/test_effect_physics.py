@@ -1,11 +1,12 @@
 """Effects against computations that do not know their formulas: field solutions, superposition, play operators."""
 
-import dataclasses
+from dataclasses import replace
 
 import casadi as ca
 import magpylib
 import numpy as np
 import pytest
+from numpy.polynomial.chebyshev import Chebyshev
 from scipy.optimize import least_squares, lsq_linear
 
 from femfit.core.graph import row_of
@@ -16,6 +17,7 @@ from femfit.effects.effect import AddedEffect, EffectPoint
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
+from femfit.integrate.field_of_current import play_paths
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from support.coenergies import partials
@@ -32,15 +34,10 @@ LINEAR = LinearMaterial("linear", relative_permeability=800.0)  # the curve's ow
 def solved(core, remanence=1.0):
     """Force, flux linkage and Hall field of the rig; each of shape (distances, currents)."""
     rig = rig_with_core(core, DISTANCES)
-    regions = tuple(
-        dataclasses.replace(r, material=dataclasses.replace(r.material, remanence_T=remanence * r.material.remanence_T))
-        for r in rig.moving.regions
-    )
-    rig = dataclasses.replace(
-        rig,
-        moving=dataclasses.replace(rig.moving, regions=regions),
-        sweep=dataclasses.replace(rig.sweep, currents_A=tuple(CURRENTS)),
-    )
+    (magnet,) = rig.moving.regions
+    weaker = replace(magnet, material=replace(magnet.material, remanence_T=remanence * magnet.material.remanence_T))
+    sweep = replace(rig.sweep, currents_A=tuple(CURRENTS))
+    rig = replace(rig, moving=replace(rig.moving, regions=(weaker,)), sweep=sweep)
     layout, rows = layout_of(rig, QUICK), {}
     for group in stretch_groups(DISTANCES, layout, QUICK):
         problem = prepare(rig, group, layout, QUICK)
@@ -69,7 +66,7 @@ def linear():
 
 @pytest.fixture(scope="module")
 def nominal(linear, levitation_model):
-    return dataclasses.replace(
+    return replace(
         nominal_of(levitation_model),
         current_min_A=-1.4,
         force_N=np.abs(linear["force_N"]).max(),
@@ -148,9 +145,8 @@ def test_a_demagnetised_layer_is_the_field_of_the_rest_of_the_magnet(nominal):
 
 def offset_magnet(d, e):
     """A coil of 30 loops below z = 0 at 1 A and a cylinder magnet above it, off the axis by e."""
-    loops = [
-        magpylib.current.Circle(diameter=0.03, current=1.0, position=(0, 0, -z)) for z in np.linspace(0, 0.015, 30)
-    ]
+    places = [(0, 0, -z) for z in np.linspace(0, 0.015, 30)]
+    loops = [magpylib.current.Circle(diameter=0.03, current=1.0, position=place) for place in places]
     magnet = magpylib.magnet.Cylinder(polarization=(0, 0, 1.45), dimension=(0.011, 0.005), position=(e, 0, d + 0.0025))
     force, _ = magpylib.getFT(loops, magnet, meshing=400)
     return -float(np.sum(np.reshape(force, (-1, 3))[:, 2])), magpylib.getB(magnet, (0, 0, 0))[2]
@@ -160,34 +156,14 @@ def test_a_lateral_offset_is_the_superposition_of_loops_in_three_dimensions(nomi
     effect, e = effect_by_name("lateral_misalignment"), 1.5e-3
     nodes = 0.030 + 0.017 * np.cos(np.pi * (np.arange(12) + 0.5) / 12)
     axis = np.array([offset_magnet(d, 0.0) for d in nodes])
-    force, field = (
-        np.polynomial.chebyshev.Chebyshev.fit(nodes, column, 11, domain=[0.013, 0.047]) for column in axis.T
-    )
-
-    work = force.integ()
-    coenergy = acting(
-        effect,
-        lambda d, i, h: h * evaluated(field, d) - i * evaluated(work, d),
-        Conditions(nominal),
-        {"offset_squared_m2": e**2},
-    )
+    force, field = (Chebyshev.fit(nodes, column, 11, domain=[0.013, 0.047]) for column in axis.T)
+    work, offset = force.integ(), {"offset_squared_m2": e**2}
+    coenergy = acting(effect, lambda d, i, h: h * field(d) - i * work(d), Conditions(nominal), offset)
     d = np.array([0.016, 0.020, 0.028, 0.040])
     exact = np.array([offset_magnet(x, e) for x in d]) - np.stack([force(d), field(d)], axis=1)
     # The next term of the expansion is (e/d)^2 / 2 of this one at the smallest distance
     np.testing.assert_allclose(-slope(coenergy, d, 1.0, 1, 0, 0) - force(d), exact[:, 0], rtol=0.03)
     np.testing.assert_allclose(slope(coenergy, d, 1.0, 0, 0, 1) - field(d), exact[:, 1], rtol=0.03)
-
-
-def evaluated(series, x):
-    """A Chebyshev series at an expression."""
-    offset, scale = series.mapparms()
-    t = offset + scale * x
-    before, last = 1.0, t
-    value = series.coef[0] + series.coef[1] * t
-    for coefficient in series.coef[2:]:
-        before, last = last, 2.0 * t * last - before
-        value += coefficient * last
-    return value
 
 
 def test_a_small_cores_attraction_falls_off_the_axis_as_the_image_share_says():
@@ -203,35 +179,17 @@ def test_the_family_of_inductance_describes_a_small_iron_body_before_a_coil(nomi
     # The body's moment grows with the coil's field on the axis and is seen through the same field
     effect, d = effect_by_name("position_dependent_inductance"), np.linspace(0.015, 0.045, 16)
     seen = 0.01**4 / (0.01**2 + (d + 0.0075) ** 2) ** 3
-
-    columns = [
-        slope(acting(effect, lambda *_: 0.0, Conditions(nominal), {p.name: 1.0}), d, 1.0, 0, 1, 0)
-        for p in effect.amplitudes
-    ]
+    ones = [acting(effect, lambda *_: 0.0, Conditions(nominal), {p.name: 1.0}) for p in effect.amplitudes]
+    columns = [slope(one, d, 1.0, 0, 1, 0) for one in ones]
     fit = lsq_linear(np.stack(columns, axis=1), seen)
     assert np.linalg.norm(fit.fun) < 0.03 * np.linalg.norm(seen)
 
 
-def played(current, thresholds, weights):
-    """A sum of play operators over three equal cycles, of which the last is returned."""
-    total = np.zeros(len(current))
-    for threshold, weight in zip(thresholds, weights, strict=True):
-        state = 0.0
-        for _ in range(3):
-            track = []
-            for value in current:
-                state = min(max(state, value - threshold), value + threshold)
-                track.append(state)
-        total += weight * np.array(track)
-    return total
-
-
 def test_a_plunger_beside_its_axis_is_a_gap_of_less_reluctance_in_series(nominal):
     effect = effect_by_name("lateral_misalignment")
-    plunger = dataclasses.replace(nominal, magnet_share=0.0)
+    plunger = replace(nominal, magnet_share=0.0)
     d, i = np.array([0.016, 0.021, 0.032]), np.array([0.4, 0.9, 1.3])
     series, bore = 4.0 + 1000.0 * d, 0.02  # reluctances over N^2: working gap and the rest, change of the bore's
-
     gap = bore * plunger.flux_linkage_Wb / plunger.peak_current_A
     plain = acting(effect, lambda d, i, h: 0.5 * i**2 / (4.0 + 1000.0 * d), Conditions(plunger), {"gap_all": gap})
     # First order in 0.02 of 20 and more: the next is a thousandth of it
@@ -247,7 +205,8 @@ def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
     fine = np.concatenate([rising, rising[::-1]])
     seen = np.concatenate([np.arange(0, 281, 20), 281 + np.arange(0, 281, 20)])
     i, branch = fine[seen], np.repeat([1.0, -1.0], 15)
-    loop = played(fine, (0.05, 0.15, 0.4), (0.5, 0.3, 0.2))[seen] - i
+    cycles = play_paths(np.array([0.05, 0.15, 0.4]), np.zeros(3), np.tile(fine, 3)) @ [0.5, 0.3, 0.2]
+    loop = cycles[-len(fine) :][seen] - i  # of the last
     at = Conditions(nominal, branch=branch, current_turn_A=(-1.4, 1.4))
 
     def column(name):

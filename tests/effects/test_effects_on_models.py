@@ -10,11 +10,10 @@ import pytest
 
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import central_differences
-from femfit.effects.catalogue import BUILT_IN, OF_EACH, effect_by_name, of_circuit
-from femfit.effects.conditions import Conditions
+from femfit.effects.catalogue import BUILT_IN, OF_EACH, of_circuit
 from femfit.model.readings import Point, predict_readings, readings_by
-from femfit.model.with_effects import nominal_of, with_effects
-from support.added_effects import under_effects, usual
+from femfit.model.with_effects import with_effects
+from support.added_effects import conditions_at, under_effects, usual, usually
 from support.compiling import compile_at_once, needs_compiler
 from support.model_kinds import rates, states_of
 from support.readings import hall_voltage
@@ -24,8 +23,6 @@ OF_A_CURRENT, OF_A_SENSOR = ("core_saturation", "hysteresis"), ("external_field"
 """Scaled by the largest current, and by the winding's field at the Hall element."""
 
 IN_THE_FIELD = [effect for effect in BUILT_IN if effect.coenergy is not None]
-
-
 COMBINED = ("halves", "eddies")
 """The halves with eddies are both."""
 
@@ -39,14 +36,18 @@ def model(request, model_kind):
     return found
 
 
+def of_first(model, effect):
+    """Of several circuits that of the first one, where an effect is of one."""
+    several = len(model.circuits) > 1 and effect.name in OF_EACH
+    return of_circuit(effect, model.circuit_names[0]) if several else effect
+
+
 def changed(model, effect, share=0.3):
-    """The model under the effect; of several circuits under the first one's, where it is of one."""
+    """The model under the effect."""
     if (not model.circuits and effect.name in OF_A_CURRENT) or (model.sensor is None and effect.name in OF_A_SENSOR):
         pytest.skip("not of this kind")
-    several = len(model.circuits) > 1 and effect.name in OF_EACH
-    own = of_circuit(effect, model.circuit_names[0]) if several else effect
     try:
-        return with_effects(model, [usual(own, share)])
+        return with_effects(model, [usual(of_first(model, effect), share)])
     except MissingPartError:
         pytest.skip("not of this kind")
 
@@ -60,12 +61,10 @@ def test_force_and_flux_linkages_have_one_coenergy_at_many_points_and_at_one(eff
     magnetics = changed(model, effect).windings.magnetics
     states, _ = states_of(model, 40)
     d, w = states[:, 0], states[:, 2:]
-    scale = np.array([1e-2, *np.ones(w.shape[1])])
+    at, scale = np.column_stack([d, w]), np.array([1e-2, *np.ones(w.shape[1])])
 
     def slope(function):
-        return central_differences(
-            lambda x: function(x[:, 0], x[:, 1:]).reshape(len(x), -1), np.column_stack([d, w]), scale
-        )
+        return central_differences(lambda x: function(x[:, 0], x[:, 1:]).reshape(len(x), -1), at, scale)
 
     state, of_force, of_flux = magnetics.state(d, w), slope(magnetics.force), slope(magnetics.flux_linkage)
     close(state.motional_constant, of_force[:, 0, 1:], 1e-6)
@@ -92,44 +91,23 @@ def test_an_effect_at_its_null_leaves_the_motion_as_it_is_and_points_move_alone_
         close(np.concatenate([hall_voltage(moved, states[k : k + 1]) for k in range(20)]), seen, 1e-12)
 
 
-def conditions_at(model, points, seed=2):
-    """What a bench or a record may know of so many points, with some states that effects remember."""
-    random = np.random.default_rng(seed)
-    names = [name for effect in BUILT_IN if effect.memory is not None for name in effect.memory.names]
-    return Conditions(
-        nominal_of(model),
-        branch=np.sign(random.normal(size=points)),
-        coil_temperature_C=random.uniform(20.0, 60.0, points),
-        magnet_temperature_C=random.uniform(20.0, 60.0, points),
-        time_s=random.uniform(0.1, 1.0, points),
-        elapsed=random.uniform(0.1, 1.0, points),
-        frequency_Hz=random.uniform(10.0, 300.0, points),
-        velocity_m_s=random.normal(0.0, 0.1, points),
-        current_rate_A_s=random.normal(0.0, 1.0, points),
-        memory={name: 0.05 * random.normal(size=points) for name in names},
-    )
-
-
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
 @pytest.mark.parametrize("share", [pytest.param(0.0, marks=pytest.mark.nightly), 0.3], ids=["at null", "inside"])
 @pytest.mark.parametrize("remembered", [True, pytest.param(False, marks=pytest.mark.nightly)], ids=["known", "resting"])
 def test_slopes_of_readings_by_parameters_are_their_differences(effect, share, remembered, model):
     changed(model, effect)  # else it is not of this kind
-    several = len(model.circuits) > 1 and effect.name in OF_EACH
-    own = of_circuit(effect, model.circuit_names[0]) if several else effect
+    own = of_first(model, effect)
     added, states = usual(own, share), states_of(model, 12)[0]
     d, i = states[:, 0], states[:, 2 : 2 + len(model.circuits)]
     i = i if i.shape[1] > 1 else i.sum(axis=1)
-    conditions = conditions_at(model, 12)
-    conditions = conditions if remembered else replace(conditions, memory={})
+    conditions = conditions_at(model, 12, **{} if remembered else {"memory": {}})
     names = [p.name for p in own.parameters if share or not p.nonlinear]
     found = readings_by(Point(model, d, i, conditions, [added]), [(0, name) for name in names])
     for j, name in enumerate(names, 1):
         (p,) = [p for p in own.parameters if p.name == name]
-        step = 1e-4 * p.width * (1.0 if added.parameters[name] + 2e-4 * p.width <= p.upper else -1.0)
-        ahead = [
-            replace(added, parameters={**added.parameters, name: added.parameters[name] + k * step}) for k in (0, 1, 2)
-        ]
+        value, step = added.parameters[name], 1e-4 * p.width
+        step = step if value + 2.0 * step <= p.upper else -step
+        ahead = [replace(added, parameters=added.parameters | {name: value + k * step}) for k in range(3)]
         here, once, twice = (predict_readings(model, d, i, conditions, [each]) for each in ahead)
         for channel, values in found.items():
             difference = (4.0 * once[channel] - 3.0 * here[channel] - twice[channel]) / (2.0 * step)
@@ -148,24 +126,23 @@ def test_machine_code_under_an_effect_gives_what_arrays_do_and_a_copy_and_a_fork
     in_arrays = rates(moved, states, volts)
     libraries = compile_at_once(monkeypatch, tmp_path)
     copied = pickle.loads(pickle.dumps(moved))  # noqa: S301  what was pickled here
-    compiled = rates(copied, states, volts)
+    np.testing.assert_array_equal(rates(copied, states, volts), in_arrays)
     assert libraries
     assert all(libraries)
-    np.testing.assert_array_equal(compiled, in_arrays)
     with ProcessPoolExecutor(1, get_context("fork")) as forked:
         np.testing.assert_array_equal(forked.submit(rates, copied, states, volts).result(), in_arrays)
 
 
 def test_a_lag_is_outermost_in_whatever_order_effects_are_added(levitation_model):
-    both = [usual(effect_by_name(name)) for name in ("eddy_current_lag", "core_saturation")]
-    one, other = (with_effects(levitation_model, order) for order in (both, both[::-1]))
+    both = "eddy_current_lag", "core_saturation"
+    one, other = (usually(levitation_model, *order, share=1.0) for order in (both, both[::-1]))
     states, volts = states_of(one, 20)
     np.testing.assert_allclose(*(rates(model, states, volts) for model in (one, other)), rtol=1e-12, atol=1e-12)
 
 
 def test_a_stop_that_gives_way_pushes_from_its_reach_on_alone(levitation_model):
     """On either side of the kink the effect itself holds, at the kink the plain model."""
-    model = with_effects(levitation_model, [usual(effect_by_name("end_stop_contact"))])
+    model = usually(levitation_model, "end_stop_contact", share=1.0)
     box = levitation_model.validity
     reach = box.distance_min_m + 0.1 * (box.distance_max_m - box.distance_min_m)
     d, i = reach + np.array([-2e-4, 0.0, 2e-4]), np.full((3, 1), 0.5)
@@ -175,7 +152,7 @@ def test_a_stop_that_gives_way_pushes_from_its_reach_on_alone(levitation_model):
 
 
 def test_a_point_that_is_no_number_gives_none(levitation_model):
-    magnetics = with_effects(levitation_model, [usual(effect_by_name("core_saturation"))]).magnetics
+    magnetics = usually(levitation_model, "core_saturation", share=1.0).magnetics
     for count in (1, 2000):
         force = magnetics.force(np.r_[np.nan, np.full(count, 0.02)], np.full((count + 1, 1), 0.5))
         assert np.isnan(force).tolist() == [True, *[False] * count]

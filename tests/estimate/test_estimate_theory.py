@@ -1,6 +1,5 @@
 """Noise, the bound on its reduction, the direct distance; errors and innovations are as large as the filter says."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +9,6 @@ from scipy.stats import chi2
 
 from femfit.core.errors import DomainError
 from femfit.device.mechanics import Mechanics, Spring
-from femfit.estimate.filter import cholesky
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
@@ -19,7 +17,7 @@ from femfit.estimate.process import Output
 from femfit.simulation.observers import distance_inverse
 from support.added_effects import under_effects
 from support.eddies import with_eddies
-from support.one_current import flat
+from support.parts import with_circuit, with_motion, with_sensor
 from support.readings import initial_covariance
 from support.solenoids import solenoid
 from support.steps import runge_kutta_step
@@ -58,27 +56,24 @@ def test_the_steady_filter_of_an_unstable_body_reaches_the_formula(rho):
 
 
 def test_the_body_is_held_where_force_equals_weight_and_nowhere_else(levitation_model):
-    current = holding_currents(levitation_model, 0.025)[0]
-    force = float(flat(levitation_model.magnetics).force(np.asarray(0.025), np.asarray(current)))
-    assert force == pytest.approx(4.35e-3 * 9.80665, rel=1e-13)
-    gradient = float(flat(levitation_model.magnetics).force_gradient(np.asarray(0.025), np.asarray(current)))
+    current, magnetics = holding_currents(levitation_model, 0.025), levitation_model.magnetics
+    assert float(magnetics.force(np.array(0.025), current)) == pytest.approx(4.35e-3 * 9.80665, rel=1e-13)
+    gradient = float(magnetics.force_gradient(np.array(0.025), current))
     assert unstable_pole(levitation_model, 0.025) == pytest.approx(np.sqrt(-gradient / 4.35e-3), rel=1e-12)
-    with pytest.raises(DomainError, match="44 mm"):
-        holding_currents(levitation_model, 0.044)[0]
-    with pytest.raises(DomainError, match="60 mm"):
-        holding_currents(levitation_model, 0.060)[0]
+    for distance, named in ((0.044, "44 mm"), (0.060, "60 mm")):
+        with pytest.raises(DomainError, match=named):
+            holding_currents(levitation_model, distance)
 
 
 def test_q_is_the_covariance_of_integrated_white_acceleration_and_of_held_voltages(levitation_model):
     """By C. F. Van Loan's matrix exponential (IEEE Trans. Automat. Contr. 23 (1978) 395); windings as slow as quick."""
     noise, step = default_noise(levitation_model), levitation_model.sample_time_s
     Q = process_covariance(levitation_model, noise, 0.022, (noise.bias_density,))
-    block = np.zeros((4, 4))
-    block[0, 1], block[3, 2], block[1, 3] = -1.0, 1.0, noise.acceleration_density
-    whole = expm(step * block)
+    density = noise.acceleration_density
+    whole = expm(step * np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, density], [0.0] * 4, [0.0, 0.0, 1.0, 0.0]]))
     np.testing.assert_allclose(Q[:2, :2], whole[2:, 2:].T @ whole[:2, 2:], rtol=1e-9)
     assert Q[3, 3] == pytest.approx(noise.bias_density**2 * 0.5e-3)
-    quick = replace(levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=300.0),))
+    quick = with_circuit(levitation_model, resistance_ohm=300.0)
     for model in (levitation_model, quick, with_eddies(quick)):
         windings, middle = model.windings, np.pad([0.7], (0, model.windings.count - 1))
         losses = np.diag(windings.resistances_ohm)
@@ -89,7 +84,7 @@ def test_q_is_the_covariance_of_integrated_white_acceleration_and_of_held_voltag
 
 @pytest.mark.parametrize("sensitivity", [50.0, -50.0])
 def test_the_direct_distance_inverts_a_hall_voltage_of_either_polarity(levitation_model, sensitivity):
-    model = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=sensitivity))
+    model = with_sensor(levitation_model, sensitivity_V_per_T=sensitivity)
     d, i = RANDOM.uniform(0.015, 0.045, 500), RANDOM.uniform(0.0, 1.4, 500)
     found = distance_inverse(model, "hall")(model.sensor.voltage(d, i), i[:, None])
     # Rounding of 2.5 V is 4e-16 V, at the far edge's 1.5 V/m 3e-16 m; Newton's last step leaves a few of it.
@@ -108,33 +103,12 @@ def test_the_direct_distance_is_clipped_to_the_box_and_disturbs_no_other(levitat
     assert found[5] in (0.015, 0.045)
 
 
-def test_batched_cholesky_equals_numpys_and_names_each_failure():
-    roots = RANDOM.normal(size=(50, 4, 4))
-    matrices = roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(4)
-    matrices[7] = -np.eye(4)
-    matrices[9, 3, 3] = np.nan
-    factor, definite = cholesky(matrices)
-    good = np.delete(np.arange(50), [7, 9])
-    np.testing.assert_array_equal(np.flatnonzero(~definite), [7, 9])
-    np.testing.assert_allclose(factor[good], np.linalg.cholesky(matrices[good]), atol=1e-13)
-    assert np.isnan(factor[[7, 9]]).all()
-
-
-def errors_are_as_large_as_said(state, truth):
-    """The mean of e^T P^-1 e over the runs lies in the 99.9 % band of chi-square with three degrees of freedom."""
-    error = state.mean - truth
-    squares = np.einsum("ri,ri->r", error, np.linalg.solve(state.covariance, error[:, :, None])[:, :, 0])
-    low, high = chi2.ppf([0.0005, 0.9995], 3 * len(error))
-    return low < squares.sum() < high
-
-
 @pytest.mark.parametrize("make", [UnscentedFilter, ExtendedFilter])
 @pytest.mark.parametrize("decay", [0.15, 0.25, 0.43, 1.0, 1.9])
 def test_errors_and_innovations_lie_in_their_bands_while_a_current_is_switched(levitation_model, make, decay):
     """The rig's coil and faster ones, by R t/L."""
     ohms = decay * float(levitation_model.inductance(0.022, 0.3)) / levitation_model.sample_time_s
-    fast = replace(levitation_model.circuit, resistance_ohm=ohms)
-    model = replace(levitation_model, circuits=(fast,))
+    model = with_circuit(levitation_model, resistance_ohm=ohms)
     noise = FilterNoise(acceleration_density=2e-4, voltage_V=0.01, hall_V=0.003)
     sigmas = np.linalg.cholesky(process_covariance(model, noise, 0.022))
     runs, steps, random = 40, 40, np.random.default_rng(4)
@@ -144,14 +118,17 @@ def test_errors_and_innovations_lie_in_their_bands_while_a_current_is_switched(l
     state = filter_.start(np.tile(rest, (runs, 1)), initial_covariance(1e-4, 1e-3, 1e-3))
     nis = np.empty((steps, runs))
     for k in range(steps):
-        volts = np.full(runs, fast.resistance_ohm * rest[2] + (2.0 if k // 5 % 2 else -2.0))
+        volts = np.full(runs, ohms * rest[2] + (2.0 if k // 5 % 2 else -2.0))
         truth = runge_kutta_step(model, truth, volts, model.sample_time_s, 4)
         truth = truth + random.normal(size=(runs, 3)) @ sigmas.T
         read = model.sensor.voltage(truth[:, 0], truth[:, 2]) + noise.hall_V * random.normal(size=runs)
         state = filter_.step(state, volts, read)
         nis[k] = state.normalised_innovation_squared
     assert consistency_band(nis.size, 0.99).contains(nis.mean())
-    assert errors_are_as_large_as_said(state, truth)
+    error = state.mean - truth
+    squares = error[:, None] @ np.linalg.solve(state.covariance, error[:, :, None])
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * runs)
+    assert low < squares.sum() < high
 
 
 def test_a_body_is_held_by_currents_of_the_sign_that_attracts_more():
@@ -159,7 +136,7 @@ def test_a_body_is_held_by_currents_of_the_sign_that_attracts_more():
     forwards, backwards = (under_effects(sprung, ("core_remanence", {"mmf": mmf})) for mmf in (0.3, -0.3))
     assert holding_currents(forwards, 1e-3)[0] == pytest.approx(-holding_currents(backwards, 1e-3)[0], rel=1e-6)
     # Where the sign that adds to what the iron keeps holds alone
-    heavy = replace(backwards, motion=replace(backwards.motion, load_N=15.0))
+    heavy = with_motion(backwards, load_N=15.0)
     held = holding_currents(heavy, 1e-3)[0]
     assert held < backwards.weakest_current_A
     needed = heavy.motion.static_force(np.asarray(1e-3))

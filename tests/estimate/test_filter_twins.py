@@ -7,23 +7,17 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from femfit.core.numerics import central_differences
-from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
+from femfit.device.electrics import AccelerationSensor, ForceSensor
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.moments import ExtendedFilter, UnscentedFilter
 from support.added_effects import under_effects
 from support.eddies import with_eddies
 from support.halves import cut_in_two
-from support.readings import LASER, initial_covariance
-from support.solenoids import searched, solenoid
+from support.readings import LASER, SHUNT, initial_covariance, read_by
+from support.solenoids import searched
 
-SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
 SEVERAL = (SHUNT, LASER, AccelerationSensor(name="mems", noise=0.5), ForceSensor(name="cell", noise=0.02))
 RUNS, STEPS = 3, 45
-
-
-def free(sensors):
-    mechanics = replace(solenoid().motion, near_stop=None, far_stop=None)
-    return replace(solenoid(mechanics), sample_time_s=1e-4, other_sensors=sensors)
 
 
 def halves(rig):
@@ -39,13 +33,15 @@ CASES = {
     "hall": (lambda rig: rig, {}),
     "bias of the hall element": (lambda rig: rig, {"hall_bias": True}),
     "effects": (lambda rig: under_effects(rig, ("core_saturation", {"mmf_loss_3": 0.02})), {}),
-    "effects of the bench": (lambda _: under_effects(free(SEVERAL), ("current_gain", {"gain_error": 0.25})), {}),
+    "effects of the bench": (lambda _: under_effects(read_by(*SEVERAL), ("current_gain", {"gain_error": 0.25})), {}),
     "eddy currents": (with_eddies, {}),
-    "laser and current": (lambda _: free(SEVERAL), {"sensors": ("laser", "current")}),
-    "bias of the force": (lambda _: free(SEVERAL), {"sensors": ("cell", "mems", "current"), "biases": ("cell",)}),
+    "laser and current": (lambda _: read_by(*SEVERAL), {"sensors": ("laser", "current")}),
+    "bias of the force": (
+        lambda _: read_by(*SEVERAL), {"sensors": ("cell", "mems", "current"), "biases": ("cell",)}
+    ),
     "pickup coil": (with_pickup, {"sensors": ("search", "current")}),
     "halves": (halves, {}),
-}
+}  # fmt: skip
 
 
 def first_of(model):
@@ -108,7 +104,7 @@ def test_the_quick_step_the_general_path_and_a_batch_agree(name, kind, levitatio
 
 
 SLOPES = CASES | {
-    "late laser": (lambda _: free((SHUNT, replace(LASER, delay_s=1.5e-4))), {}),
+    "late laser": (lambda _: read_by(SHUNT, replace(LASER, delay_s=1.5e-4)), {}),
     "late pickup coil": (lambda _: searched(noise=2e-3, delay_s=1.5e-4), {}),
     "halves with eddy currents": (lambda rig: with_eddies(halves(rig)), {}),
 }
@@ -129,10 +125,8 @@ def test_the_slopes_of_steps_and_readings_are_those_of_differences(name, levitat
     size = np.abs(wanted).max(axis=0) + 1e-3 * scale[:, None]  # rounded over steps of 1e-5 of what is large
     assert (np.abs(process.with_slopes(states, volts)[1] * scale - wanted) / size).max() < 1e-6
     for output in process.outputs:
-        wanted = (
-            central_differences(lambda x, o=output: process.measure(o.name, x)[:, None], states, scale)[:, 0] * scale
-        )
-        found = process.gradient(output.name, states) * scale
+        reading = central_differences(lambda x, o=output: process.measure(o.name, x)[:, None], states, scale)[:, 0]
+        found, wanted = process.gradient(output.name, states) * scale, reading * scale
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6 * np.abs(wanted).max())
 
 
@@ -141,19 +135,16 @@ def test_the_slopes_of_steps_and_readings_are_those_of_differences(name, levitat
 AGREEMENT = 1e-10
 
 
-def start_of(process):
-    bias = process.order == 4
-    mean = np.array([0.0225, 0.01, 0.3, 0.005][: process.order])
-    return mean, initial_covariance(biases=(0.01,) if bias else ())
-
-
-def assert_as_the_oracle(filter_, oracle, step, record, run):
-    """Along a run of the record; ``step`` moves the oracle by a voltage and a reading."""
-    process = filter_.process
-    state = filter_.start(*start_of(process))
-    oracle.x, oracle.P = start_of(process)
+def assert_as_the_oracle(filter_, oracle, step):
+    """Along a record of 75 ms, in which what a body is off grows by a factor of ten; ``step`` moves the oracle."""
+    process, n = filter_.process, filter_.process.order
+    start = np.array([0.0225, 0.01, 0.3, 0.005][:n]), initial_covariance(biases=(0.01,))[:n, :n]
+    state = filter_.start(*start)
+    oracle.x, oracle.P = start
     oracle.Q, oracle.R = process.process_covariance, np.array([[process.outputs[0].variance]])
-    for voltage, hall in zip(record.voltage[:, run], record.hall[:, run], strict=True):
+    volts = np.tile(0.86 + 0.1 * np.sin(0.1 * np.pi * np.arange(150))[:, None], RUNS)
+    readings = a_record(filter_, [0.022, 0.0, 0.32], volts)
+    for voltage, hall in zip(volts[:, 0], readings[:, -1, 0], strict=True):
         state = filter_.step(state, voltage, hall)
         step(voltage, np.array([hall]))
         sigma = np.sqrt(np.diag(oracle.P))
@@ -167,7 +158,7 @@ def process(request, levitation_model):
     return kalman_filter(levitation_model, hall_bias=request.param).process
 
 
-def test_ukf_equals_filterpy(process, record):
+def test_ukf_equals_filterpy(process):
     n = process.order
     oracle = UnscentedKalmanFilter(
         dim_x=n,
@@ -182,10 +173,10 @@ def test_ukf_equals_filterpy(process, record):
         oracle.predict(u=voltage)
         oracle.update(reading)
 
-    assert_as_the_oracle(UnscentedFilter(process), oracle, step, record, 0)
+    assert_as_the_oracle(UnscentedFilter(process), oracle, step)
 
 
-def test_ekf_equals_filterpy(process, record):
+def test_ekf_equals_filterpy(process):
     oracle = ExtendedKalmanFilter(dim_x=process.order, dim_z=1)
 
     def step(voltage, reading):
@@ -200,4 +191,4 @@ def test_ekf_equals_filterpy(process, record):
             Hx=lambda x: process.measure(process.outputs[0].name, x[None]),
         )
 
-    assert_as_the_oracle(ExtendedFilter(process), oracle, step, record, 2)
+    assert_as_the_oracle(ExtendedFilter(process), oracle, step)

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import femfit as ff
 from femfit.core.errors import TableError
 from femfit.device.electrics import AccelerationSensor, Drive, PositionSensor
 from femfit.device.mechanics import Stop
@@ -21,6 +20,7 @@ from femfit.tables.measurement import TimeSeries
 from femfit.tables.measurement_file import read_measurement
 from support.bearing import ENTRY, table_of
 from support.eddies import magnets_alone
+from support.parts import with_motion
 from support.readings import LASER
 from support.replays import TRUE, damped, logs
 from support.solenoids import solenoid
@@ -71,21 +71,20 @@ def test_a_bearing_is_followed_by_gap_and_currents(bearing, bearing_record):
 
 
 def test_a_circuit_is_named_whose_voltage_is_missing_or_commanded_beyond_its_supply(bearing, bearing_record, tmp_path):
-    rows = pd.read_csv(bearing_record).drop(columns="voltage_upper_V")
-    rows.to_csv(tmp_path / "lacking.csv", index=False)
+    rows = pd.read_csv(bearing_record)
+    rows.drop(columns="voltage_upper_V").to_csv(tmp_path / "lacking.csv", index=False)
     with pytest.raises(TableError, match="voltage_upper_V"):
         observe(bearing, tmp_path / "lacking.csv")
-    rows = pd.read_csv(bearing_record)
     rows.loc[50:60, "voltage_upper_V"] = 40.0
     rows.to_csv(tmp_path / "beyond.csv", index=False)
-    said = [one.text for one in observe(bearing, tmp_path / "beyond.csv", find=False).findings if "beyond" in one.text]
-    assert len(said) == 1
-    assert "upper" in said[0]
+    found = observe(bearing, tmp_path / "beyond.csv", find=False).findings
+    (said,) = [one.text for one in found if "beyond" in one.text]
+    assert "upper" in said
 
 
 def test_magnets_alone_need_no_voltage(levitation_model, tmp_path):
-    stop = replace(levitation_model.motion, far_stop=Stop(0.0445))  # beyond the way of its fall
-    model = replace(magnets_alone(levitation_model), other_sensors=(LASER,), sample_time_s=STEP_S, motion=stop)
+    model = replace(magnets_alone(levitation_model), other_sensors=(LASER,), sample_time_s=STEP_S)
+    model = with_motion(model, far_stop=Stop(0.0445))  # beyond the way of its fall
     generator, state, read = np.random.default_rng(5), np.array([[0.03, 0.0]]), []
     for _ in range(100):
         read.append(state[0, 0] + 2e-5 * generator.normal())
@@ -103,20 +102,12 @@ PROBE = PositionSensor(name="eddy", distances_m=(0.0, 1.0), readings=(1.0, -2e3 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """The same record with the distance in metres and as volts of a sensor that falls by 2 V/mm."""
-    series = logs(1500, 1, seed=5)[1][0]
-    rows = series.rows[["time_s", "voltage_V", "current_A", "distance_m"]]
+    rows = logs(1500, 1, seed=5)[1][0].rows[["time_s", "voltage_V", "current_A", "distance_m"]].copy()
     path = tmp_path_factory.mktemp("volts")
     rows.to_csv(path / "metres.csv", index=False)
-    volts = rows.drop(columns="distance_m").assign(
-        **{"Position [V]": characteristic(PROBE, rows["distance_m"].to_numpy())}
-    )
-    volts.to_csv(path / "volts.csv", index=False)
+    volts = characteristic(PROBE, rows.pop("distance_m").to_numpy())
+    rows.assign(**{"Position [V]": volts}).to_csv(path / "volts.csv", index=False)
     return path
-
-
-def model():
-    shunt, _ = damped().other_sensors
-    return replace(damped(), other_sensors=(shunt, PROBE))
 
 
 def test_the_distance_is_the_inverse_of_the_characteristic_beyond_its_ends_too():
@@ -127,48 +118,42 @@ def test_the_distance_is_the_inverse_of_the_characteristic_beyond_its_ends_too()
 
 
 def test_observe_by_volts_is_observe_by_the_distance(recorded):
+    model = replace(damped(), other_sensors=(damped().other_sensors[0], PROBE))
     series = read_measurement(recorded / "volts.csv", noise={"position_V": 0.04})
-    assert with_distance(model(), series).declared_noise["distance_m"] == pytest.approx(2e-5)
-    by_volts = ff.observe(model(), recorded / "volts.csv", find=False).filters[0]
-    by_metres = ff.observe(damped(), recorded / "metres.csv", find=False).filters[0]
+    assert with_distance(model, series).declared_noise["distance_m"] == pytest.approx(2e-5)
+    by_volts = observe(model, recorded / "volts.csv", find=False).filters[0]
+    by_metres = observe(damped(), recorded / "metres.csv", find=False).filters[0]
     assert "eddy" in [one.sensor for one in by_volts.innovations]
     difference = by_volts.replayed.mean[:, 0] - by_metres.replayed.mean[:, 0]
     assert np.abs(difference).max() < 0.05 * TRUE["laser"]
     assert by_volts.trusted
 
 
-def series_of(volts, step_s=1e-3, segment=None):
-    rows = pd.DataFrame({"time_s": step_s * np.arange(len(volts)), "position_V": volts})
-    rows["segment"] = 0 if segment is None else segment
-    return TimeSeries(rows, given=("time_s", "position_V"))
-
-
-def placed(sensor, series):
-    return with_distance(replace(solenoid(), other_sensors=(sensor,)), series).rows["distance_m"].to_numpy()
+def placed(sensor, volts, segment=0):
+    """Distances from volts of every millisecond."""
+    rows = pd.DataFrame({"time_s": 1e-3 * np.arange(len(volts)), "position_V": volts, "segment": segment})
+    record = TimeSeries(rows, given=("time_s", "position_V"))
+    return with_distance(replace(solenoid(), other_sensors=(sensor,)), record).rows["distance_m"].to_numpy()
 
 
 def test_a_distance_from_volts_is_of_the_instant_that_the_late_reading_belongs_to():
     gate = PositionSensor(name="gate", distances_m=(0.0, 1.0), readings=(0.0, 1e3), delay_s=2.5e-3)
-    time = 1e-3 * np.arange(20)
-    true = 1e-3 + 0.1 * time
+    true = 1e-3 + 1e-4 * np.arange(20)
     late = characteristic(gate, true - 0.1 * gate.delay_s)
-    np.testing.assert_allclose(placed(gate, series_of(late))[:-3], true[:-3], rtol=1e-9)
-    assert np.isnan(placed(gate, series_of(late))[-3:]).all()
-    cut = placed(gate, series_of(late, segment=np.repeat([0, 1], 10)))
-    assert np.isnan(cut[7:10]).all()
-    np.testing.assert_allclose(cut[10:17], true[10:17], rtol=1e-9)
+    for segment, unknown in ((0, range(17, 20)), (np.repeat([0, 1], 10), [7, 8, 9, 17, 18, 19])):
+        wanted = np.where(np.isin(np.arange(20), unknown), np.nan, true)
+        np.testing.assert_allclose(placed(gate, late, segment), wanted, rtol=1e-9)
 
 
 def test_volts_at_the_rails_and_repeated_readings_tell_no_distance():
     gate = PositionSensor(name="gate", distances_m=(0.0, 1e-2), readings=(0.0, 10.0), minimum=1.0, maximum=9.0)
-    found = placed(gate, series_of(np.array([1.0, 2.0, 5.0, 9.0, 8.0])))
-    np.testing.assert_allclose(found, [np.nan, 2e-3, 5e-3, np.nan, 8e-3])
-    slow = replace(gate, sample_time_s=3e-3)
-    found = placed(slow, series_of(np.array([2.0, 2.0, 2.0, 4.0, 4.0, 4.0])))
+    np.testing.assert_allclose(placed(gate, [1.0, 2.0, 5.0, 9.0, 8.0]), [np.nan, 2e-3, 5e-3, np.nan, 8e-3])
+    found = placed(replace(gate, sample_time_s=3e-3), [2.0, 2.0, 2.0, 4.0, 4.0, 4.0])
     np.testing.assert_allclose(found, [2e-3, np.nan, np.nan, 4e-3, np.nan, np.nan])
 
 
 def test_an_accelerometer_of_silicon_reads_gravity_at_rest():
-    hanging = replace(solenoid(), motion=replace(solenoid().motion, gravity_m_s2=9.81))
     weighing = AccelerationSensor(name="mems", reads_gravity=True)
-    assert predict_sensor(hanging, weighing, np.array([[4e-3, 0.0, 0.0]])) == pytest.approx(-9.81)
+    assert predict_sensor(
+        with_motion(solenoid(), gravity_m_s2=9.81), weighing, np.array([[4e-3, 0.0, 0.0]])
+    ) == pytest.approx(-9.81)

@@ -7,25 +7,24 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import TableError
-from femfit.device.mechanics import Mechanics, Stop
+from femfit.device.electrics import Drive
+from femfit.device.mechanics import Spring, Stop
 from femfit.estimate.record import on_grid, repeated
 from femfit.estimate.record_checks import given_voltage, suspect_record
 from femfit.estimate.rests import Track, find_rests
 from femfit.simulation.plant import with_force_scale
 from support.closed_loop import closed_loop, recorded
 from support.one_current import within
-from support.replays import STEP_S, damped, logs, series
+from support.parts import free as without_stops
+from support.parts import with_circuit, with_motion
+from support.replays import STEP_S, changed, damped, logs, series
 from support.solenoids import solenoid
 from support.switching import CURRENT_A, DISTANCE_M, logged, switched
 
 
-def rests_of(model, record):
-    return find_rests(model, Track(*columns_of(record), DISTANCE_M))
-
-
-def columns_of(record):
+def rests_of(model, record, noise_m=DISTANCE_M):
     *columns, current = (record.rows[name].to_numpy() for name in ("time_s", "segment", "distance_m", "current_A"))
-    return *columns, current[:, None]
+    return find_rests(model, Track(*columns, current[:, None], noise_m))
 
 
 @pytest.fixture(scope="module")
@@ -49,13 +48,11 @@ def test_rests_on_both_stops_lie_where_the_simulated_body_rests(free):
 
 
 def test_the_samples_around_every_impact_are_contact_however_fast_the_body_is():
-    model = solenoid()
-    elastic = replace(model.motion, far_stop=Stop(model.motion.far_stop.distance_m, 0.9))
-    loop = switched([0.0], [0.0], 0.06, model=replace(model, motion=elastic), start_m=1e-3)
+    elastic = with_motion(solenoid(), far_stop=Stop(4e-3, 0.9))
+    loop = switched([0.0], [0.0], 0.06, model=elastic, start_m=1e-3)
     record = logged([loop])
-    rows = record.rows.iloc[::8].reset_index(drop=True)
-    found = rests_of(model, replace(record, rows=rows))
-    times = rows["time_s"].to_numpy()
+    record = replace(record, rows=record.rows.iloc[::8].reset_index(drop=True))
+    found, times = rests_of(solenoid(), record), record.rows["time_s"].to_numpy()
     hits = [event for event in loop.events if event.name == "hits_far" and abs(event.velocity_m_s) > 0.2]
     assert len(hits) == 2
     for event in hits:
@@ -72,18 +69,15 @@ def test_a_rest_ends_before_the_body_has_gone_as_far_as_the_noise(free):
 
 def test_a_blocked_body_away_from_stops_is_held_whatever_the_model_misses(blocked):
     for factor in (0.7, 1.0, 1.5):
-        model = solenoid()
-        found = rests_of(with_force_scale(model, factor), logged(blocked))
+        found = rests_of(with_force_scale(solenoid(), factor), logged(blocked))
         assert {rest.place for rest in found.rests} == {"held"}
         assert found.held.mean() > 0.9
 
 
 def test_a_body_that_swings_on_its_spring_is_free():
-    model = solenoid()
-    motion = Mechanics(0.025, 0.0, springs=model.motion.springs)
-    loop = ff.simulate(replace(model, motion=motion), voltage_V=0.0, duration_s=0.3, start_m=3.7e-3, sample_time_s=1e-4)
-    stiffer = replace(motion, springs=(replace(motion.springs[0], stiffness_N_per_m=120.0),))
-    assert not rests_of(replace(model, motion=stiffer), logged([loop])).rests
+    model = without_stops(solenoid())
+    loop = switched([0.0], [0.0], 0.3, model, start_m=3.7e-3)
+    assert not rests_of(with_motion(model, springs=(Spring(120.0, 0.1, 4e-3),)), logged([loop])).rests
 
 
 @pytest.mark.nightly
@@ -91,7 +85,7 @@ def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation
     model = replace(levitation_model, sample_time_s=1e-3)
     record = recorded(closed_loop(model, runs=2, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
     for factor in (0.8, 1.0, 1.25):
-        assert not find_rests(with_force_scale(model, factor), Track(*columns_of(record), 3e-5)).rests
+        assert not rests_of(with_force_scale(model, factor), record, 3e-5).rests
 
 
 @pytest.mark.parametrize("with_blocked", [True, pytest.param(False, marks=pytest.mark.nightly)])
@@ -108,50 +102,38 @@ def test_a_filter_does_not_let_a_held_body_fall(blocked):
     seen = ff.observe(solenoid(), logged(blocked), find=False)
     one = seen.filters[0]
     assert "is held" in str(seen).splitlines()[1]
-    judged = {each.sensor: each for each in one.innovations}
-    assert judged["distance"].mean_square == pytest.approx(1.0, abs=0.15)
-    assert judged["current"].mean_square == pytest.approx(1.0, abs=0.15)
+    judged = {each.sensor: each.mean_square for each in one.innovations}
+    assert judged == pytest.approx({"distance": 1.0, "current": 1.0}, abs=0.15)
 
 
 def test_noise_of_the_sensors_alone_leaves_a_resting_body_at_rest():
     generator = np.random.default_rng(3)
     for _ in range(20):
-        time = 1e-4 * np.arange(4000)
-        distance = 4e-3 + DISTANCE_M * generator.standard_normal(4000)
-        current = CURRENT_A * generator.standard_normal(4000)
-        track = Track(time, np.zeros(4000, int), distance, current[:, None], DISTANCE_M)
-        (rest,) = find_rests(solenoid(), track).rests
+        distance, current = generator.standard_normal((2, 4000)) * [[DISTANCE_M], [CURRENT_A]]
+        (rest,) = rests_of(solenoid(), series(np.zeros(4000), current, 4e-3 + distance)).rests
         assert (rest.first, rest.last) == (0, 3999)
 
 
-COMMANDS = [0.0, 0.01, 0.02, 0.05], [0.0, 24.0, 6.0, 24.0]
-
-
 def test_commands_beyond_the_supply_are_taken_as_clamped_and_said():
-    loop = switched(*COMMANDS, 0.08, model=solenoid())
-    record = logged([loop])
-    commanded = record.rows["voltage_V"].to_numpy(copy=True)
-    commanded[commanded >= 11.9] = 24.0
-    record = replace(record, rows=record.rows.assign(voltage_V=commanded))
+    drawn = logged([switched([0.0, 0.01, 0.02, 0.05], [0.0, 24.0, 6.0, 24.0], 0.08)])
+    volts = drawn.rows["voltage_V"]
+    record = changed(drawn, voltage_V=volts.where(volts < 11.9, 24.0))
     comparison = ff.compare(solenoid(), record)
     assert comparison.verdict == "agrees", str(comparison)
-    assert "clamped" in {finding.code for finding in comparison.findings}
-    seen = ff.observe(solenoid(), record, find=False)
-    assert "clamped" in {finding.code for finding in seen.findings}
-    as_drawn = ff.observe(solenoid(), logged([loop]), find=False)
+    seen, as_drawn = (ff.observe(solenoid(), one, find=False) for one in (record, drawn))
+    for said in (comparison, seen):
+        assert "clamped" in {finding.code for finding in said.findings}
     size, right = (observed.filters[0].innovations[0].mean_square for observed in (seen, as_drawn))
     assert size == pytest.approx(right, rel=1e-6)
     assert any("supply" in line for line in str(seen).splitlines()[:4])
 
 
 def test_the_diodes_drop_lasts_until_a_falling_current_has_come_to_its_end():
-    model, noise_A = solenoid(), 3e-3
-    model = replace(model, circuits=(replace(model.circuit, drive=replace(model.circuit.drive, diode_V=0.7)),))
+    model, noise_A = solenoid(drive=Drive(diode_V=0.7)), 3e-3
     time = 1e-4 * np.arange(400)
-    current = np.maximum(0.1 - 8.0 * time, 0.0)
-    current[current > 0.0] += np.random.default_rng(1).normal(0.0, noise_A, int((current > 0.0).sum()))
-    distance = np.full(400, model.validity.distance_max_m)
-    track = Track(time, np.zeros(400, dtype=int), distance, current[:, None], 1e-6, [noise_A])
+    falling = 0.1 - 8.0 * time
+    current = np.where(falling > 0.0, falling + np.random.default_rng(1).normal(0.0, noise_A, 400), 0.0)
+    track = Track(time, np.zeros(400, dtype=int), np.full(400, 6e-3), current[:, None], 1e-6, [noise_A])
     given, _, _ = given_voltage(model, track, np.zeros(400), 0)
     conducts = int((given == -0.7).sum())
     assert set(given) == {-0.7, 0.0}
@@ -160,8 +142,8 @@ def test_the_diodes_drop_lasts_until_a_falling_current_has_come_to_its_end():
 
 @pytest.fixture(scope="module")
 def log():
-    truth, records = logs(2000, 1, seed=7)
-    return truth[:, 0], records[0]
+    truth, (record,) = logs(2000, 1, seed=7)
+    return truth[:, 0], record
 
 
 def without(record, share, seed=1):
@@ -184,17 +166,17 @@ def test_lost_rows_come_back_without_readings_and_with_the_command_between(log):
 def test_a_grid_is_found_among_lost_rows_and_a_complete_record_and_gaps_of_segments_are_left(log):
     short, _ = without(log[1], 0.6)  # then the usual step is two of the grid
     assert len(on_grid(short).series.rows) == len(log[1].rows)
-    jitter = 0.1 * STEP_S * np.sin(np.arange(len(log[1].rows)))
-    record = replace(log[1], rows=log[1].rows.assign(time_s=log[1].rows["time_s"] + jitter))
+    count = len(log[1].rows)
+    record = changed(log[1], time_s=log[1].rows["time_s"] + 0.1 * STEP_S * np.sin(np.arange(count)))
     same, added = on_grid(record)
     assert same.findings == record.findings
     assert not added.any()
     rows = log[1].rows.copy()
     rows.loc[1000:, ["time_s", "segment"]] += [7.3 * STEP_S, 1]
     assert not on_grid(replace(log[1], rows=rows)).added.any()
-    steps = np.random.default_rng(3).uniform(0.5, 3.0, len(log[1].rows)) * STEP_S
+    steps = np.random.default_rng(3).uniform(0.5, 3.0, count) * STEP_S
     with pytest.raises(TableError, match="equal steps"):
-        on_grid(replace(log[1], rows=log[1].rows.assign(time_s=np.cumsum(steps))))
+        on_grid(changed(log[1], time_s=np.cumsum(steps)))
 
 
 def test_a_filter_predicts_over_lost_rows_as_well_as_it_says(log):
@@ -210,7 +192,7 @@ def test_a_record_on_a_grid_keeps_its_segments_and_no_new_reading():
     values = np.array([1.0, 1.0, np.nan, 1.0, 2.0, 2.0, 2.0, 2.0])
     np.testing.assert_array_equal(repeated(values, np.array([0]), 4).astype(int), [0, 1, 0, 1, 0, 1, 1, 1])
     record = series(np.ones(40), np.ones(40), segment=np.repeat([0, 1], 20))
-    rows = record.rows.assign(time_s=record.rows["time_s"] + record.rows["segment"])
+    rows = changed(record, time_s=record.rows["time_s"] + record.rows["segment"]).rows
     full = on_grid(replace(record, rows=rows.drop(index=[5, 30]).reset_index(drop=True))).series
     np.testing.assert_array_equal(full.rows["segment"], np.repeat([0, 1], 20))
 
@@ -221,13 +203,11 @@ def record():
 
 
 def one_sided():
-    model = damped()
-    limits = {"voltage_min_V": 0.0, "voltage_max_V": 12.0}
-    return replace(model, circuits=(replace(model.circuits[0], **limits),), validity=within(model.validity, low=0.0))
+    return replace(with_circuit(damped(), voltage_min_V=0.0), validity=within(damped().validity, low=0.0))
 
 
-def turned(record, *names):
-    return replace(record, rows=record.rows.assign(**{name: -record.rows[name] for name in names}))
+def turned(record, name):
+    return changed(record, **{name: -record.rows[name]})
 
 
 def suspected(model, record):
@@ -236,36 +216,20 @@ def suspected(model, record):
 
 def test_commands_and_currents_of_the_other_polarity_are_named(record):
     assert suspected(one_sided(), record) == []
-    assert suspected(damped(), record) == []
-    model = damped()
-    limits = {"voltage_min_V": -12.0, "voltage_max_V": 12.0}
-    most = model.validity.current_max_A
-    both = replace(model, circuits=(replace(model.circuits[0], **limits),), validity=within(model.validity, low=-most))
-    assert suspected(both, record) == []
-    assert suspected(both, turned(record, "current_A")) == [("suspected-sign", "voltage_V")]
-    rows = turned(record, "current_A").rows
-    missing = np.where(np.arange(len(rows)) % 2, rows["current_A"], np.nan)
-    assert suspected(one_sided(), replace(record, rows=rows.assign(current_A=missing))) == [
-        ("suspected-sign", "current_A")
-    ]
-    seen = ff.observe(one_sided(), turned(record, "distance_m"), find=False)
-    assert (seen.findings[0].code, seen.findings[0].column) == ("suspected-sign", "distance_m")
+    assert suspected(damped(), record) == []  # of both signs
+    assert suspected(damped(), turned(record, "current_A")) == [("suspected-sign", "voltage_V")]
+    current = -record.rows["current_A"]
+    missing = changed(record, current_A=current.where(current.index % 2 == 1))
+    assert suspected(one_sided(), missing) == [("suspected-sign", "current_A")]
+    for name in ("voltage_V", "current_A", "distance_m"):
+        assert suspected(one_sided(), turned(record, name)) == [("suspected-sign", name)]
+    first = ff.observe(one_sided(), turned(record, "distance_m"), find=False).findings[0]
+    assert (first.code, first.column) == ("suspected-sign", "distance_m")
 
 
-@pytest.mark.parametrize("name", ["voltage_V", "current_A", "distance_m"])
-def test_a_column_of_the_other_sign_is_named(record, name):
-    assert suspected(one_sided(), turned(record, name)) == [("suspected-sign", name)]
-
-
-SWAPPED = {"voltage_V": "current_A", "current_A": "voltage_V"}
-
-
-def test_a_voltage_and_a_current_that_were_swapped_are_named_by_the_heat(record):
-    turned_round = replace(record, rows=record.rows.rename(columns=SWAPPED))
-    assert ("suspected-columns", "voltage_V") in suspected(damped(), turned_round)
-
-
-def test_a_noise_that_was_declared_in_another_unit_is_named(record):
+def test_swapped_columns_are_named_by_the_heat_and_a_noise_in_another_unit_by_its_size(record):
+    swapped = changed(record, voltage_V=record.rows["current_A"], current_A=record.rows["voltage_V"])
+    assert ("suspected-columns", "voltage_V") in suspected(damped(), swapped)
     for noise, codes in ((2e-3, []), (2.0, [("suspected-noise", "current_A")])):
         assert suspected(damped(), replace(record, declared_noise={"current_A": noise})) == codes
 
@@ -290,6 +254,6 @@ def test_a_record_of_which_most_lies_outside_of_the_validity_domain_is_warned_of
 
 @pytest.mark.parametrize(("factor", "words"), [(1e6, "too long"), (1e-6, "too short")])
 def test_a_step_that_no_filter_can_take_is_refused_by_the_unit_of_time(record, factor, words):
-    slow = replace(record, rows=record.rows.assign(time_s=factor * record.rows["time_s"]))
+    slow = changed(record, time_s=factor * record.rows["time_s"])
     with pytest.raises(TableError, match=f"1,000,000 times {words}"):
         ff.observe(damped(), slow)

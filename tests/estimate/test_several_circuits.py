@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from femfit.core.errors import DomainError
-from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
+from femfit.device.electrics import CurrentSensor
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import unstable_pole
@@ -16,7 +16,8 @@ from femfit.simulation.allocation import current_ranges, currents_for_force
 from femfit.simulation.observers import distance_inverse
 from support.bearing import hall_field, table_of, table_with_hall
 from support.halves import cut_in_two
-from support.readings import LASER, predict_sensors
+from support.parts import with_circuit, with_motion
+from support.readings import LASER, SHUNT, predict_sensors, read_by
 from support.solenoids import solenoid
 from support.steps import exponential_step
 
@@ -27,8 +28,7 @@ TWICE = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0, 0, 1.0]])
 
 @pytest.fixture(scope="module")
 def whole(levitation_model):
-    circuit = replace(levitation_model.circuit, inductance_H=2e-3)
-    return replace(levitation_model, other_sensors=SENSORS, sensor=None, circuits=(circuit,))
+    return replace(with_circuit(levitation_model, inductance_H=2e-3), other_sensors=SENSORS, sensor=None)
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +43,9 @@ def as_halves(covariance):
 
 
 @pytest.mark.parametrize(("kind", "digits"), [("ekf", 1e-6), ("ukf", 1e-4)])
-def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
+def test_the_filter_of_the_halves_is_that_of_the_whole(whole, halves, kind, digits):
     """With the same errors of start and process; unscented points of four states lie farther out than of three."""
-    one, two = (kalman_filter(model, kind) for model in (whole, cut_in_two(whole)))
+    one, two = (kalman_filter(model, kind) for model in (whole, halves))
     process = replace(two.process, process_covariance=as_halves(one.process.process_covariance))
     two = replace(two, process=process)
     start = np.array([0.024, 0.0, 0.5])
@@ -123,23 +123,23 @@ def least_heat(model, distance, force, bias, limits):
 @pytest.mark.parametrize(
     ("distance", "mass", "bias", "highest"),
     [
-        (0.7e-3, 2.7, (1.0, 1.0), 2.0),
-        (0.7e-3, 2.7, (1.0, 1.0), 1.42),  # the upper circuit comes to its limit
-        (0.5e-3, 2.7, (0.0, 0.0), 2.0),
-        (0.5e-3, 2.7, (1.0, 1.0), 2.0),  # only far from the bias, against the magnet's field
-        (0.3e-3, 0.5, (0.0, 0.0), 2.0),  # the force is bent so much that whole steps go to and fro
-        (0.3e-3, 2.7, (1.0, 1.0), 2.0),  # none
+        (0.7e-3, 2.7, 1.0, 2.0),
+        (0.7e-3, 2.7, 1.0, 1.42),  # the upper circuit comes to its limit
+        (0.5e-3, 2.7, 0.0, 2.0),
+        (0.5e-3, 2.7, 1.0, 2.0),  # only far from the bias, against the magnet's field
+        (0.3e-3, 0.5, 0.0, 2.0),  # the force is bent so much that whole steps go to and fro
+        (0.3e-3, 2.7, 1.0, 2.0),  # none
     ],
 )
 def test_the_currents_that_hold_heat_least(bearing, distance, mass, bias, highest):
     box = replace(bearing.validity, current_limits_A=np.array([[-2.0, 2.0], [-2.0, highest]]))
-    model = replace(bearing, validity=box, motion=replace(bearing.motion, mass_kg=mass))
-    expected = least_heat(model, distance, -9.81 * mass, np.array(bias), box.current_limits_A)
+    model, bias = with_motion(replace(bearing, validity=box), mass_kg=mass), np.full(2, bias)
+    expected = least_heat(model, distance, -9.81 * mass, bias, box.current_limits_A)
     if expected is None:
         with pytest.raises(DomainError):
-            holding_currents(model, distance, np.array(bias))
+            holding_currents(model, distance, bias)
         return
-    found = holding_currents(model, distance, np.array(bias))
+    found = holding_currents(model, distance, bias)
     # Heat is flat about its minimum: scipy ends within the root of its tolerance
     np.testing.assert_allclose(found, expected, atol=1e-3)
     assert model.magnetics.force(np.array(distance), found) == pytest.approx(-9.81 * mass, rel=1e-8)
@@ -157,29 +157,20 @@ def test_the_currents_of_a_loop_heat_least_and_keep_the_drivers_limits(bearing):
         np.testing.assert_allclose(one, expected, atol=1e-3)
 
 
-SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
-CELL, MEMS = ForceSensor(name="cell", noise=0.02), AccelerationSensor(name="mems", noise=0.5)
-NOISE = {"current": 2e-3, "laser": 2e-5, "cell": 0.02, "mems": 0.5}
-
-
 @pytest.fixture(scope="module")
 def model():
-    """A body on a spring that nothing stops, with the four sensors."""
-    free = replace(solenoid().motion, near_stop=None, far_stop=None)
-    return replace(solenoid(free), sample_time_s=1e-4, other_sensors=(SHUNT, LASER, CELL, MEMS))
+    return read_by(SHUNT, LASER)
 
 
-def a_record(model, names, steps=300, seed=3, bias=0.0):
-    """Truth (steps, 3), voltages (steps,) and readings (steps, sensors) of a coil that is fed with a square wave."""
-    generator = np.random.default_rng(seed)
+def a_record(model, steps):
+    """Truth (steps, 3), voltages (steps,) and readings (steps, 2) of a coil that is fed with a square wave."""
     volts = 4.0 + 3.0 * np.sign(np.sin(np.arange(steps) / 17.0))
-    truth = np.empty((steps, 3))
-    state = np.array([[3.5e-3, 0.0, 0.1]])
-    for k, volt in enumerate(volts):
-        state = exponential_step(model, state, np.array([volt]), model.sample_time_s)  # as the filters move
-        truth[k] = state[0]
-    noise = generator.standard_normal((steps, len(names))) * [NOISE[name] for name in names]
-    return truth, volts, predict_sensors(model, truth, names) + noise + bias
+    states = [np.array([[3.5e-3, 0.0, 0.1]])]
+    for volt in volts:
+        states.append(exponential_step(model, states[-1], np.array([volt]), model.sample_time_s))  # as the filters move
+    truth = np.concatenate(states[1:])
+    noise = np.random.default_rng(3).standard_normal((steps, 2)) * [SHUNT.noise, LASER.noise]
+    return truth, volts, predict_sensors(model, truth) + noise
 
 
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
@@ -204,25 +195,23 @@ def test_one_after_the_other_is_all_at_once_for_linear_sensors(model, kind):
 def test_a_sensor_whose_samples_are_all_missing_is_as_good_as_none(model, kind):
     both = kalman_filter(model, kind, sensors=("laser", "current"))
     one = kalman_filter(model, kind, sensors=("current",))
-    truth, volts, readings = a_record(model, ("laser", "current"), 50)
-    readings[:, 0] = np.nan
+    truth, volts, readings = a_record(model, 50)
     left, right = both.start(truth[0], runs=2), one.start(truth[0], runs=2)
-    for volt, reading in zip(volts, readings, strict=True):
-        left, right = both.step(left, volt, reading), one.step(right, volt, reading[1])
+    for volt, reading in zip(volts, readings[:, 0], strict=True):
+        left, right = both.step(left, volt, [np.nan, reading]), one.step(right, volt, reading)
     np.testing.assert_allclose(left.mean, right.mean, rtol=1e-12)
     np.testing.assert_allclose(left.normalised_innovation_squared, right.normalised_innovation_squared, rtol=1e-9)
 
 
 def test_the_bias_of_a_sensor_is_found_beside_another_that_has_none(model):
     """The current tells the distance, however weakly; the laser is 0.3 mm off."""
-    names = ("current", "laser")
-    filter_ = kalman_filter(model, sensors=names, biases=("laser",), first_deviation_m=1e-3)
+    filter_ = kalman_filter(model, sensors=("current", "laser"), biases=("laser",), first_deviation_m=1e-3)
     assert filter_.process.names[-1] == "laser_bias_m"
-    truth, volts, readings = a_record(model, names, 3000, bias=np.array([0.0, 3e-4]))
+    truth, volts, readings = a_record(model, 3000)
     first = filter_.process.start_covariance.copy()
     first[-1, -1] = 5e-4**2
     state = filter_.start([3.5e-3, 0.0, 0.1, 0.0], first)
-    for volt, reading in zip(volts, readings, strict=True):
+    for volt, reading in zip(volts, readings + np.array([0.0, 3e-4]), strict=True):
         state = filter_.step(state, volt, reading)
     error = state.mean[0] - [*truth[-1], 3e-4]
     deviations = np.sqrt(np.diagonal(state.covariance[0]))

@@ -49,15 +49,13 @@ STEP = 0.5e-3
 FEWEST = 8  # cells between two edges of the drawing
 
 
-def rises(actuator, distance, heat_W):
-    """Mean and largest temperature over ambient of coils, fixed and moving regions, by even heat in each coil in W."""
+def rises(actuator, distance):
+    """Mean and largest temperature over ambient of coils, fixed and moving regions, by a watt in each coil."""
     around = actuator.thermal
     parts = [*actuator.coils, *actuator.fixed, *actuator.moving.regions]
-    moving = [part in actuator.moving.regions or getattr(part, "moves", False) for part in parts]
-    shapes = [
-        shapely.Polygon([(r, z + distance * moves) for r, z in part.vertices_m])
-        for part, moves in zip(parts, moving, strict=True)
-    ]
+    moves = [part in actuator.moving.regions or getattr(part, "moves", False) for part in parts]
+    places = [part.vertices_m + np.array([0.0, distance * moved]) for part, moved in zip(parts, moves, strict=True)]
+    shapes = [shapely.Polygon(one) for one in places]
     corners = np.concatenate([np.array(one.exterior.coords) for one in shapes])
     r, z = grid_lines([0.0, *corners[:, 0]]), grid_lines(corners[:, 1])
     middle = np.stack(np.meshgrid(*(0.5 * (one[1:] + one[:-1]) for one in (r, z)), indexing="ij"), axis=-1)
@@ -65,18 +63,16 @@ def rises(actuator, distance, heat_W):
     for k, shape in enumerate(shapes):
         owner[shapely.contains_xy(shape, middle[..., 0], middle[..., 1])] = k
     owner[(owner == AIR) & open_air(shapes, middle, 2.0 * AIR_CONDUCTIVITY / around.film_W_per_m2_K)] = OUTSIDE
-    known = np.array([*(conductivity(part, around) for part in parts), 0.0, AIR_CONDUCTIVITY])  # the last by -2 and -1
+    solid = [
+        winding_heat(part, around.insulation_W_per_m_K) if isinstance(part, Coil) else thermal_of(part.material)
+        for part in parts
+    ]
+    known = np.array([*(one.conductivity_W_per_m_K for one in solid), 0.0, AIR_CONDUCTIVITY])  # the last by -2 and -1
     volume = np.pi * np.diff(r**2)[:, None] * np.diff(z)
     own = [owner == k for k in range(len(parts))]
-    heat = sum(watts * (volume * cells) / (volume * cells).sum() for watts, cells in zip(heat_W, own, strict=False))
-    field = solved(owner, known[owner], r, z, heat, around, len(heat_W))
+    heat = sum(volume * cells / (volume * cells).sum() for cells in own[: len(actuator.coils)])
+    field = solved(owner, known[owner], r, z, heat, around, len(actuator.coils))
     return [(float((field * volume)[cells].sum() / volume[cells].sum()), float(field[cells].max())) for cells in own]
-
-
-def conductivity(part, around):
-    if isinstance(part, Coil):
-        return winding_heat(part, around.insulation_W_per_m_K).conductivity_W_per_m_K
-    return thermal_of(part.material).conductivity_W_per_m_K
 
 
 def grid_lines(coordinates):
@@ -152,7 +148,7 @@ def test_the_network_is_near_conduction_on_a_fine_grid(name, distance):
     actuator = read_actuator(GEOMETRY / f"{name}.toml")
     network = heat_network(actuator, distance)
     rise, count = rises_of(network), len(actuator.coils)
-    exact = np.array(rises(actuator, distance, [1.0] * count))
+    exact = np.array(rises(actuator, distance))
     assert rise[:count] == pytest.approx(exact[:count, 0], rel=CASES[name, distance])
     assert np.abs(rise - exact[:, 0]).max() < max(CASES[name, distance], 0.045) * exact[0, 0]
     hottest = rise[:count] + network.inside @ np.append(rise, 0.0)
@@ -167,22 +163,15 @@ def test_a_mounting_cools_the_heaviest_fixed_part():
 
 
 G, C = 0.1, 50.0
-
-
 NODE = HeatNetwork((), (None,), (), np.array([C]), np.zeros((1, 1)), np.array([G]), np.zeros((0, 2)))
 
 
-def watts(power):
-    return np.array([power])
-
-
 def test_one_node_settles_at_heat_over_conductance_less_the_slope_of_the_heat_and_runs_away_at_its_limit():
-    assert settled(NODE, 20.0, watts(3.0)) == pytest.approx(20.0 + 3.0 / (G - ALPHA * 3.0))
     limit = G / ALPHA
-    assert largest_factor(NODE, watts(1.0)) == pytest.approx(limit)
-    assert np.isfinite(settled(NODE, 20.0, watts(0.999 * limit)))
-    assert np.isnan(settled(NODE, 20.0, watts(1.001 * limit)))
-    assert largest_factor(NODE, watts(0.0)) == math.inf
+    for watts, wanted in ((3.0, 20.0 + 3.0 / (G - ALPHA * 3.0)), (1.001 * limit, np.nan)):
+        assert settled(NODE, 20.0, np.array([watts])) == pytest.approx(wanted, nan_ok=True)
+    assert np.isfinite(settled(NODE, 20.0, np.array([0.999 * limit])))
+    assert [largest_factor(NODE, np.array([watts])) for watts in (1.0, 0.0)] == pytest.approx([limit, math.inf])
 
 
 @pytest.mark.parametrize("power", [3.0, 2.0 * G / ALPHA], ids=["settles", "runs away"])
@@ -229,32 +218,22 @@ def test_a_varnished_winding_conducts_as_it_was_measured():
     assert 0.5 < winding_heat(half, 0.25).conductivity_W_per_m_K < 1.0
 
 
-def test_an_unknown_wire_follows_from_the_resistance():
+def test_an_unknown_wire_follows_from_the_resistance_which_holds_at_the_drawings_temperature():
     given = 200 * 2 * math.pi * 0.0085 * 1.7241e-8 / (0.25 * math.pi * 4e-4**2)
-    known = winding_heat(coil(resistance_ohm=given), 0.1)
-    unknown = winding_heat(coil(resistance_ohm=given, wire_diameter_m=None), 0.1)
+    known, unknown = (winding_heat(coil(resistance_ohm=given, **wire), 0.1) for wire in ({}, {"wire_diameter_m": None}))
     assert unknown.conductivity_W_per_m_K == pytest.approx(known.conductivity_W_per_m_K)
     densest, denser = (winding_heat(coil(resistance_ohm=r, wire_diameter_m=None), 0.1) for r in (1e-4, 1e-5))
     assert densest.conductivity_W_per_m_K == denser.conductivity_W_per_m_K > known.conductivity_W_per_m_K
-
-
-def test_the_drawings_resistance_holds_at_the_drawings_temperature():
-    assert winding_heat(coil(temperature_C=100.0), 0.1).cold_ohm == pytest.approx(1.0 / (1.0 + 0.00393 * 80.0))
-    assert np.isclose(winding_heat(coil(), 0.1).cold_ohm, 1.0)
-
-
-def conductance(faces, one, other):
-    """Area over gap, of all rays from one part to another."""
-    met = (faces.owner == one) & (faces.facing == other)
-    return np.sum(faces.area[met] / faces.gap[met])
+    for warm_C, ohm in ((100.0, 1.0 / (1.0 + 0.00393 * 80.0)), (20.0, 1.0)):
+        assert winding_heat(coil(temperature_C=warm_C), 0.1).cold_ohm == pytest.approx(ohm)
 
 
 def test_a_cylindrical_gap_conducts_as_its_closed_form():
-    parts = [shapely.box(0.0, 0.0, 0.005, 0.02), shapely.box(0.007, 0.0, 0.009, 0.02)]
-    exact = 2.0 * np.pi * 0.02 / np.log(7.0 / 5.0)
-    faces = faces_of(parts, 0.003)
-    assert conductance(faces, 0, 1) == pytest.approx(exact, rel=1e-6)
-    assert conductance(faces, 1, 0) == pytest.approx(exact, rel=1e-6)
+    faces = faces_of([shapely.box(0.0, 0.0, 0.005, 0.02), shapely.box(0.007, 0.0, 0.009, 0.02)], 0.003)
+    for one, other in ((0, 1), (1, 0)):
+        met = (faces.owner == one) & (faces.facing == other)
+        found = np.sum(faces.area[met] / faces.gap[met])
+        assert found == pytest.approx(2.0 * np.pi * 0.02 / np.log(7.0 / 5.0), rel=1e-6)
 
 
 @pytest.mark.parametrize(("mouth", "found"), [(0.002, NOTHING), (0.006, OPEN)])

@@ -14,30 +14,27 @@ from support.actuators import GEOMETRY
 RIG = GEOMETRY / "emaws-rig.toml"
 
 
-def resistance_of_heat(actuator, distance):
+@pytest.fixture(scope="module")
+def rth():
     """Rise of the winding's mean in K for each watt in it."""
-    found = find_temperatures(actuator, current_A=1e-3, distance_m=distance)
+    found = find_temperatures(RIG, current_A=1e-3, distance_m=0.022)
     return float((found.windings_C[0] - 20.0) / found.heat_W.sum())
 
 
-def test_a_held_voltage_settles_where_the_quadratic_equation_says():
+def test_a_held_voltage_settles_where_the_quadratic_equation_says(rth):
     """(1 + alpha x) x = R_th U^2 / R."""
-    actuator = read_actuator(RIG)
-    rth, ohm = resistance_of_heat(actuator, 0.022), 2.69
-    found = find_temperatures(actuator, voltage_V=3.0)
+    ohm, found = 2.69, find_temperatures(RIG, voltage_V=3.0)
     rise = (math.sqrt(1.0 + 4.0 * ALPHA * rth * 9.0 / ohm) - 1.0) / (2.0 * ALPHA)
     assert found.windings_C[0] - 20.0 == pytest.approx(rise, rel=1e-5)
     assert found.currents_A[0] == pytest.approx(3.0 / (ohm * (1.0 + ALPHA * rise)), rel=1e-5)
 
 
-def test_a_held_current_settles_higher_and_runs_away_at_its_limit():
-    actuator = read_actuator(RIG)
-    rth = resistance_of_heat(actuator, 0.022)
-    found = find_temperatures(actuator, current_A=1.0)
+def test_a_held_current_settles_higher_and_runs_away_at_its_limit(rth):
+    found = find_temperatures(RIG, current_A=1.0)
     assert found.windings_C[0] - 20.0 == pytest.approx(rth * 2.69 / (1.0 - ALPHA * rth * 2.69), rel=1e-4)
     limit = 1.0 / math.sqrt(ALPHA * rth * 2.69)
-    assert find_temperatures(actuator, current_A=0.999 * limit).settles
-    gone = find_temperatures(actuator, current_A=1.001 * limit)
+    assert find_temperatures(RIG, current_A=0.999 * limit).settles
+    gone = find_temperatures(RIG, current_A=1.001 * limit)
     assert not gone.settles
     assert gone.limit_s > 0.0
 

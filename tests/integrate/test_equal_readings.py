@@ -18,47 +18,39 @@ STEP = 2.44e-4
 """Of a converter of 12 bits, V: twelve times the noise."""
 
 
-def record(noise_V=2e-5, noise_A=0.01):
+def record(noise_V=2e-5):
     """Three cycles of 20 s to 0.8 T."""
-    random = np.random.default_rng(5)
-    white = random.normal(size=(3, len(TIME)))
+    volts, hall, current = np.random.default_rng(5).normal(size=(3, len(TIME)))
     columns = {
         "time_s": TIME,
-        "coil_voltage_V": INDUCED + 8e-6 + noise_V * white[0],
-        "hall_T": FIELD + 2e-4 * white[1],
-        "current_A": SET_CURRENT + noise_A * white[2],
+        "coil_voltage_V": INDUCED + 8e-6 + noise_V * volts,
+        "hall_T": FIELD + 2e-4 * hall,
+        "current_A": SET_CURRENT + 0.01 * current,
     }
     return pd.DataFrame(columns)
-
-
-def frozen(rows, column, begin=13_000, end=None):
-    rows = rows.copy()
-    rows.loc[begin:end, column] = rows[column][begin]
-    return rows
 
 
 def coarse(rows, step=STEP):
     return rows.assign(coil_voltage_V=np.round(rows["coil_voltage_V"] / step) * step)
 
 
-def rounded(values, digits):
-    return np.array([float(f"{value:.{digits}g}") for value in values])
-
-
 RECORD = record()
 VOLTAGE = RECORD["coil_voltage_V"]
 CLIPPED = RECORD.assign(coil_voltage_V=VOLTAGE.clip(-0.98 * LARGEST, 0.98 * LARGEST))
+BEYOND = RECORD.assign(hall_T=RECORD["hall_T"].clip(upper=0.5))
+"""It goes beyond its range and comes back, so that nothing has moved from begin to end."""
+
+FROZEN = RECORD.assign(hall_T=RECORD["hall_T"].where(np.arange(len(TIME)) < 13_000, RECORD["hall_T"][13_000]))
 COARSE = coarse(RECORD)
 
 
 @pytest.mark.parametrize(
     ("rows", "options", "code", "refuted"),
     [
-        # It goes beyond its range and comes back, so that nothing has moved from begin to end
-        (RECORD.assign(hall_T=RECORD["hall_T"].clip(upper=0.5)), {"coil_area_m2": AREA}, "stuck", True),
-        (RECORD.assign(hall_T=RECORD["hall_T"].clip(upper=0.5)), {"method": "trapezoid"}, "stuck", False),
-        (frozen(RECORD, "hall_T"), {"coil_area_m2": AREA}, "stuck", True),
-        (frozen(RECORD, "hall_T"), {"method": "trapezoid"}, "stuck", False),
+        (BEYOND, {"coil_area_m2": AREA}, "stuck", True),
+        (BEYOND, {"method": "trapezoid"}, "stuck", False),
+        (FROZEN, {"coil_area_m2": AREA}, "stuck", True),
+        (FROZEN, {"method": "trapezoid"}, "stuck", False),
         (CLIPPED, {"coil_area_m2": AREA}, "clipped", True),
         (CLIPPED[["time_s", "coil_voltage_V"]], {"method": "trapezoid"}, "clipped", True),
         (CLIPPED[:4000], {"coil_area_m2": AREA}, "clipped", True),
@@ -71,9 +63,9 @@ def test_the_column_that_repeats_a_reading_is_named_and_numbers_that_rest_on_it_
     codes = {finding.code for finding in integral.findings}
     assert codes - {"innovations"} == {code}
     assert (code in integral.refuted_by) == refuted
-    innovations = [str(finding) for finding in integral.findings if finding.code == "innovations"]
     word = {"clipped": "converter"}.get(code, "Hall probe, which")
-    assert all(word in text.split("Suspect:")[1] for text in innovations)
+    for finding in integral.findings:
+        assert finding.code != "innovations" or word in str(finding).split("Suspect:")[1]
 
 
 SWING = 0.5 * (1.0 - np.cos(TIME))
@@ -85,7 +77,9 @@ QUIET = {
     "steps of three times the noise": coarse(RECORD, 6e-5),
     "a maximum that is round": coarse(ROUND),
     "computed without noise": RECORD.assign(coil_voltage_V=INDUCED),
-    "a voltage of four digits": RECORD.assign(coil_voltage_V=rounded(record(noise_V=3e-6)["coil_voltage_V"], 4)),
+    "a voltage of four digits": RECORD.assign(
+        coil_voltage_V=[float(f"{v:.4g}") for v in record(3e-6)["coil_voltage_V"]]
+    ),
     "each sample three times": RECORD.assign(coil_voltage_V=VOLTAGE[np.arange(len(TIME)) // 3 * 3].to_numpy()),
 }
 

@@ -7,15 +7,14 @@ import pytest
 from femfit.core.errors import FemfitError, TableError
 from femfit.integrate.integrate_coil import integrate_coil
 
-SAMPLES = 1500
-TIME = 2e-3 * np.arange(SAMPLES)
-RNG = np.random.default_rng(0)
+TIME = 2e-3 * np.arange(1500)
+VOLTS, HALL, CURRENT = np.random.default_rng(0).normal(size=(3, len(TIME)))
 GOOD = pd.DataFrame(
     {
         "time_s": TIME,
-        "coil_voltage_V": 1e-3 * np.sin(TIME) + 1e-6 * RNG.normal(size=SAMPLES),
-        "hall_T": 0.1 * (1.0 - np.cos(TIME)) + 1e-5 * RNG.normal(size=SAMPLES),
-        "current_A": 1.0 - np.cos(TIME) + 1e-4 * RNG.normal(size=SAMPLES),
+        "coil_voltage_V": 1e-3 * np.sin(TIME) + 1e-6 * VOLTS,
+        "hall_T": 0.1 * (1.0 - np.cos(TIME)) + 1e-5 * HALL,
+        "current_A": 1.0 - np.cos(TIME) + 1e-4 * CURRENT,
     }
 )
 AREA = {"coil_area_m2": 0.01}
@@ -41,12 +40,9 @@ METHODS = ("trapezoid", "ffa1", "ffa2", "cs2", "cs1-offset")
 @pytest.mark.parametrize("method", METHODS)
 def test_an_odd_record_ends_in_a_result_or_in_one_sentence(name, method):
     try:
-        result = integrate_coil(ODD[name], method=method, **AREA, **OPTIONS.get(method, {}))
+        said = str(integrate_coil(ODD[name], method=method, **AREA, **OPTIONS.get(method, {})))
     except FemfitError as error:
         said = str(error)
-    else:
-        said = str(result)
-        assert result.samples == len(result.rows)
     assert 20 < len(said) < 1500
     assert name != "as it is" or "Wb" in said or " T " in said
 
@@ -65,10 +61,11 @@ def test_the_integral_of_a_known_voltage_is_the_flux_linkage():
         ("cs1-offset", {"current_to_field_A_per_T": 10.0}, "--current-to-field is for cs2"),
         ("ffa1", {"zero_reading_s": 0.5, "still_A": 0.1}, "--still-A is for ffa2"),
         ("ffa2", {"zero_reading_s": 0.5}, "--zero-reading-s is for ffa1"),
+        ("ffa1", {"zero_reading_s": 1e3}, "--zero-reading-s"),  # the record ends before
         ("trapezoid", {"reference_gain_sigma": 1e-3}, "--reference-gain-sigma is for cs1-offset"),
     ],
 )
-def test_an_option_that_would_do_nothing_is_refused(method, options, named):
+def test_an_option_that_would_do_nothing_or_leave_nothing_is_refused(method, options, named):
     with pytest.raises(TableError, match=named):
         integrate_coil(GOOD, method=method, **AREA | options)
 
@@ -76,17 +73,11 @@ def test_an_option_that_would_do_nothing_is_refused(method, options, named):
 @pytest.mark.parametrize("zero_s", [0.2, 0.5, 1.0, 1.5])
 def test_the_zero_reading_lasts_as_long_as_it_is_said_to(zero_s):
     time = np.arange(0.0, 3.0, 1e-3)
-    voltage = np.where(time < zero_s, 0.0, 1.0) + 1e-5
-    rows = pd.DataFrame({"time_s": time, "coil_voltage_V": voltage})
+    rows = pd.DataFrame({"time_s": time, "coil_voltage_V": np.where(time < zero_s, 0.0, 1.0) + 1e-5})
     result = integrate_coil(rows, method="ffa1", zero_reading_s=zero_s)
     # The trapezoid up to the step holds half a sample of it.
     assert result.value == pytest.approx(time[-1] - zero_s + 0.5e-3, abs=1e-9)
     assert result.offset_V == pytest.approx(1e-5)
-
-
-def test_a_record_that_ends_within_its_zero_reading_is_refused():
-    with pytest.raises(TableError, match="--zero-reading-s"):
-        integrate_coil(GOOD, method="ffa1", zero_reading_s=1e3)
 
 
 @pytest.mark.parametrize("ratio", [10.0, 10.3])
@@ -95,9 +86,8 @@ def test_the_current_over_a_ratio_ends_the_drift(ratio):
     field = 0.1 * (1.0 - np.cos(late))
     voltage = 0.01 * 0.1 * np.sin(late) + 2e-5 + 1e-6 * np.random.default_rng(2).normal(size=len(late))
     rows = pd.DataFrame({"time_s": late, "coil_voltage_V": voltage, "current_A": 10.0 * field})
-    result = integrate_coil(
-        rows, method="cs2", current_to_field_A_per_T=ratio, reference_gain_sigma=0.03, initial_field_T=0.0, **AREA
-    )
+    options = {"current_to_field_A_per_T": ratio, "reference_gain_sigma": 0.03, "initial_field_T": 0.0}
+    result = integrate_coil(rows, method="cs2", **options, **AREA)
     error = result.rows["field_T"].to_numpy() - field
     # The plain integral ends 0.12 T off. The ratio may be 3 % off, of a field of 0.1 T on average.
     assert np.abs(error[-2000:]).max() < 0.03 * 0.15

@@ -44,13 +44,10 @@ INTEGRATORS = {
     "offset": HALL,
     "field model": hall_filter(1.0 / DT, MAGNET),
 }
-PIECES = pytest.mark.parametrize(
-    "cuts", [(*range(1, 1200), 3000), (1, 130, 131, 3000)], ids=["sample by sample", "blocks"]
-)
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
-@PIECES
+@pytest.mark.parametrize("cuts", [(*range(1, 1200), 3000), (1, 130, 131, 3000)], ids=["sample by sample", "blocks"])
 def test_online_gives_the_numbers_of_offline(name, cuts, experiment):
     integrator, first = INTEGRATORS[name], int(59.5 / DT)
     stretch = experiment.record[first : first + 5000]  # around the first ramp
@@ -66,9 +63,7 @@ def test_online_gives_the_numbers_of_offline(name, cuts, experiment):
 
 @pytest.mark.parametrize("with_current", [True, False])
 def test_plateau_mean_is_not_updated_on_ramps_and_while_eddy_currents_decay(experiment, with_current):
-    record = experiment.record
-    if not with_current:
-        record = CoilBlock(record.time, record.voltage)
+    record = experiment.record if with_current else replace(experiment.record, hall=None, current=None)
     block = run(PlateauIntegrator(PAPER_COIL, QUIET, DT, settling=30.0), record)
     begin, end = experiment.flat_tops[0]
     waiting = (block.time > 61.1) & (block.time < begin + 30.0)
@@ -126,18 +121,15 @@ def test_innovations_of_a_true_filter_are_as_large_as_it_says():
 
 @pytest.mark.nightly
 def test_an_identified_field_holds_on_other_amplitudes():
-    runs = []  # no run has an amplitude of the tests
-    for seed, rate, peaks in (
-        (10, 32.0, (320.0, 280.0, 240.0, 160.0, 80.0)),
-        (11, 100.0, (320.0, 120.0, 320.0, 200.0)),
-    ):
+    def measured(rate, seed, *peaks):
         inputs = ExperimentInputs(ramp_rate=rate, amplitudes=peaks, sample_rate=SLOW)
-        lab = synthesise(inputs, np.random.default_rng(seed)).after_zero_reading()
-        runs.append(LabRun(lab.record.time, lab.record.current, run(hall_filter(SLOW), lab.record).field))
-    field_model = identify_field(runs)
-    for rate, peaks in ((100.0, (260.0, 140.0, 300.0)), (32.0, (180.0, 220.0, 100.0))):
-        inputs = ExperimentInputs(ramp_rate=rate, amplitudes=peaks, sample_rate=SLOW)
-        other = synthesise(inputs, np.random.default_rng(5)).after_zero_reading()
+        return synthesise(inputs, np.random.default_rng(seed)).after_zero_reading()
+
+    labs = measured(32.0, 10, 320.0, 280.0, 240.0, 160.0, 80.0), measured(100.0, 11, 320.0, 120.0, 320.0, 200.0)
+    fields = [run(hall_filter(SLOW), lab.record).field for lab in labs]
+    runs = [LabRun(lab.record.time, lab.record.current, field) for lab, field in zip(labs, fields, strict=True)]
+    field_model = identify_field(runs)  # no run has an amplitude of the tests
+    for other in (measured(100.0, 5, 260.0, 140.0, 300.0), measured(32.0, 5, 180.0, 220.0, 100.0)):
         block = run(hall_filter(SLOW, field_model), other.record)
         settled = [(block.time > begin + 30.0) & (block.time < end) for begin, end in other.flat_tops]
         errors = [np.sqrt(np.mean((block.field - other.field)[rows] ** 2)) for rows in settled]
@@ -150,7 +142,6 @@ def test_nothing_is_known_before_the_first_reading(cuts, experiment):
     stretch = experiment.record[60_000:62_000]
     hall = stretch.hall.copy()
     hall[:700] = np.nan
-    integrator = HALL
-    late = run(integrator, CoilBlock(stretch.time, stretch.voltage, hall), cuts)
+    late = run(HALL, CoilBlock(stretch.time, stretch.voltage, hall), cuts)
     assert np.all(np.isnan(late.field[:700]))
-    np.testing.assert_allclose(late.field[700:], run(integrator, stretch[700:]).field, rtol=1e-12)
+    np.testing.assert_allclose(late.field[700:], run(HALL, stretch[700:]).field, rtol=1e-12)

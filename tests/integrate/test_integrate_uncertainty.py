@@ -51,8 +51,7 @@ def test_white_noise_is_found_on_a_moving_signal(sigma):
 @pytest.mark.parametrize("method", ["trapezoid", "cs1-offset"])
 def test_the_uncertainty_holds_what_it_says(method):
     """Errors of gain, area and offset drawn from what is claimed: the error over its sigma has an rms of 1."""
-    rng = np.random.default_rng(3)
-    time = np.arange(4000) * DT
+    rng, time = np.random.default_rng(3), np.arange(4000) * DT
     field = 0.2 + 0.1 * np.minimum(time, 2.0)
     claimed = Systematics(1e-3, 2e-3, 1e-4, 0.0 if method == "cs1-offset" else 1e-5)
     scores = []
@@ -61,8 +60,7 @@ def test_the_uncertainty_holds_what_it_says(method):
         voltage = 0.059394 * np.gradient(field, time) * (1 + 1e-3 * area) + 1e-5 * offset + 1e-6 * rng.normal(size=4000)
         hall = field * (1 + 2e-3 * gain) + 1e-4 * zero + 1e-5 * rng.normal(size=4000)
         record = CoilBlock(time, voltage, hall)
-        initial = 0.2 if method == "trapezoid" else None
-        options = IntegrationOptions(method, PAPER_COIL, initial_field=initial)
+        options = IntegrationOptions(method, PAPER_COIL, initial_field=0.2 if method == "trapezoid" else None)
         ((_, block),) = integrate_blocks(make_integrator(options, record), [record])
         scores.append((block.field[-1] - field[-1]) / block.sigma(claimed)[-1])
     # 60 draws: the rms is known to 9 % (one standard deviation).
@@ -107,31 +105,22 @@ def test_the_uncertainty_of_ffa2_holds_the_noise_of_its_windows_means():
     assert said[at[-1]] > 2.0 * one_window
 
 
-NOISE = Noise(LinearSigma(2e-6), LinearSigma(1e-5), 1e-3)
-
-
-def made(samples, seed=1, wander=1e-6):
-    """A moving field, its coil with an offset that walks, and its probe."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(samples) * DT
-    field = 0.5 + 0.01 * np.sin(3.0 * time)
-    offset = 5e-6 + np.cumsum(rng.normal(size=samples)) * wander * np.sqrt(DT)
-    voltage = 0.059394 * 0.03 * np.cos(3.0 * time) + offset + 2e-6 * rng.normal(size=samples)
-    return CoilBlock(time, voltage, field + 1e-5 * rng.normal(size=samples))
-
-
 @pytest.mark.parametrize(("name", "change"), [("reference", 1e-3), ("reference_unit", 1e-4), ("voltage_unit", 1e-6)])
 @pytest.mark.parametrize("integrator", [OffsetFilter, KalmanIntegrator])
 def test_responses_are_what_a_systematic_error_does_to_the_field(name, change, integrator):
-    record = made(3000)
-    wrong = {
-        "reference": replace(record, hall=record.hall * (1.0 + change)),
-        "reference_unit": replace(record, hall=record.hall + change),
-        "voltage_unit": replace(record, voltage=record.voltage + change),
-    }[name]
-    integrator = integrator(PAPER_COIL, NOISE, DT, initial_field=0.4)
+    """Of a moving field, its coil with an offset that walks, and its probe."""
+    rng, time = np.random.default_rng(1), np.arange(3000) * DT
+    offset = 5e-6 + np.cumsum(rng.normal(size=3000)) * 1e-6 * np.sqrt(DT)
+    voltage = 0.059394 * 0.03 * np.cos(3.0 * time) + offset + 2e-6 * rng.normal(size=3000)
+    record = CoilBlock(time, voltage, 0.5 + 0.01 * np.sin(3.0 * time) + 1e-5 * rng.normal(size=3000))
+    changes = {
+        "reference": {"hall": record.hall * (1.0 + change)},
+        "reference_unit": {"hall": record.hall + change},
+        "voltage_unit": {"voltage": record.voltage + change},
+    }
+    integrator = integrator(PAPER_COIL, Noise(LinearSigma(2e-6), LinearSigma(1e-5), 1e-3), DT, initial_field=0.4)
     block = run(integrator, record)
-    moved = (run(integrator, wrong).field - block.field) / change
+    moved = (run(integrator, replace(record, **changes[name])).field - block.field) / change
     expected = getattr(block.responses, name)
     # Both are linear in the record; differences of 1 T over the change keep ten digits.
     np.testing.assert_allclose(moved, expected, rtol=1e-6, atol=1e-9 * max(1.0, abs(expected).max()))

@@ -7,12 +7,14 @@ import pytest
 
 from femfit.core.errors import DomainError, TableError, UsageError
 from femfit.device.electrics import Drive
-from femfit.device.mechanics import Mechanics, Spring, Stop
+from femfit.device.mechanics import Stop
 from femfit.model.validity import ValidityBox
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.profile import Profile, read_profiles
 from support.one_current import flat
+from support.parts import with_circuit, with_motion
 from support.solenoids import HELD, NoField, solenoid
+from support.switching import pulse
 
 DENSE_A = 1e-8
 """Between the integrator's steps its interpolation is a little worse than 1e-9 of the range, 4 A."""
@@ -20,12 +22,7 @@ DENSE_A = 1e-8
 
 def coil(drive=None, series_H=0.0):
     """A winding of 10 mH and 20 ohm beside a body that rests."""
-    model = replace(solenoid(HELD, drive), magnetics=NoField())
-    return replace(model, circuits=(replace(model.circuit, inductance_H=series_H),))
-
-
-def pulse(kind, on, off, end=0.01):
-    return Profile(kind, np.array([0.0, end]), np.array([on, off]))
+    return with_circuit(replace(solenoid(HELD, drive), magnetics=NoField()), inductance_H=series_H)
 
 
 @pytest.mark.parametrize("series_H", [0.0, 0.03])
@@ -51,7 +48,7 @@ def test_a_ramp_of_voltage_is_followed_and_cut_at_the_supply():
 
 @pytest.mark.parametrize("drop", [0.7, 24.7])
 def test_the_current_goes_on_through_the_diode_until_it_is_zero(drop):
-    motion = simulate(coil(Drive(diode_V=drop)), drive=pulse("voltage", 12.0, 0.0), duration_s=0.02)
+    motion = simulate(coil(Drive(diode_V=drop)), drive=pulse("voltage", 12.0, end=0.01), duration_s=0.02)
     current = 0.6 * (1.0 - np.exp(-20.0))
     over = 0.01 + 5e-4 * np.log(1.0 + 20.0 * current / drop)
     assert [event.time_s for event in motion.events] == [pytest.approx(over, rel=1e-8)]
@@ -61,15 +58,14 @@ def test_the_current_goes_on_through_the_diode_until_it_is_zero(drop):
     np.testing.assert_allclose(found[freewheeling], decay[freewheeling], atol=DENSE_A)
     np.testing.assert_allclose(motion.table["voltage_V"][freewheeling], -drop)
     assert np.all(found[time > over] == 0.0)
-    assert motion.energy.diode_J == pytest.approx(
-        drop * 5e-4 * (current - drop / 20.0 * (over - 0.01) / 5e-4), rel=1e-6
-    )
+    burnt = drop * 5e-4 * (current - drop / 20.0 * (over - 0.01) / 5e-4)
+    assert motion.energy.diode_J == pytest.approx(burnt, rel=1e-6)
 
 
 def test_a_magnet_that_falls_away_drives_a_current_through_the_diode(levitation_model):
     drop = 5e-3
-    circuit = replace(levitation_model.circuit, voltage_min_V=0.0, drive=Drive(diode_V=drop))
-    motion = simulate(replace(levitation_model, circuits=(circuit,)), voltage_V=0.0, start_m=0.02, duration_s=0.06)
+    model = with_circuit(levitation_model, voltage_min_V=0.0, drive=Drive(diode_V=drop))
+    motion = simulate(model, voltage_V=0.0, start_m=0.02, duration_s=0.06)
     flows = next(event for event in motion.events if event.name == "current_flows")
     constant = float(flat(levitation_model.magnetics).motional_constant(np.array([flows.distance_m]), np.zeros(1))[0])
     assert constant * flows.velocity_m_s == pytest.approx(drop, rel=1e-6)
@@ -78,7 +74,7 @@ def test_a_magnet_that_falls_away_drives_a_current_through_the_diode(levitation_
 
 
 def test_a_current_amplifier_ramps_at_its_voltage_and_then_follows():
-    motion = simulate(coil(Drive("current")), drive=pulse("current", 0.3, 0.1), duration_s=0.02)
+    motion = simulate(coil(Drive("current")), drive=pulse("current", 0.3, 0.1, 0.01), duration_s=0.02)
     time, found = motion.table["time_s"], motion.table["current_A"]
     reached = -5e-4 * np.log(1.0 - 0.3 * 20.0 / 12.0)
     np.testing.assert_allclose(found[(time > reached) & (time < 0.01)], 0.3, rtol=1e-12)
@@ -99,29 +95,16 @@ def test_a_current_amplifier_approaches_with_its_bandwidth_and_keeps_to_its_limi
         simulate(coil(Drive("current")), voltage_V=3.0)
 
 
-SPRUNG = Mechanics(
-    0.025,
-    -2.0,
-    springs=(Spring(200.0, 0.1, 4e-3),),
-    viscous_N_s_per_m=0.3,
-    coulomb_N=0.02,
-    load_N=0.01,
-    near_stop=Stop(0.2e-3, 0.4),
-    far_stop=Stop(4e-3, 0.2, 1e6),
-)
-
-
 @pytest.mark.parametrize(
     ("drive", "kind", "on"),
-    [
-        (Drive(diode_V=0.7), "voltage", 12.0),
-        (Drive("current", bandwidth_Hz=300.0), "current", 0.595),
-    ],
+    [(Drive(diode_V=0.7), "voltage", 12.0), (Drive("current", bandwidth_Hz=300.0), "current", 0.595)],
     ids=["diode", "amplifier of a bandwidth"],
 )
 def test_all_energy_is_accounted_for_with_friction_and_a_stop_that_gives_way(drive, kind, on):
     """Rigid stops and other drivers: two halves switch as the whole coil."""
-    motion = simulate(solenoid(SPRUNG, drive), drive=pulse(kind, on, 0.0, end=0.08), duration_s=0.15)
+    stops = {"near_stop": Stop(0.2e-3, 0.4), "far_stop": Stop(4e-3, 0.2, 1e6)}
+    rough = with_motion(solenoid(drive=drive), gravity_m_s2=-2.0, viscous_N_s_per_m=0.3, coulomb_N=0.02, **stops)
+    motion = simulate(with_motion(rough, load_N=0.01), drive=pulse(kind, on, end=0.08), duration_s=0.15)
     assert [one.kind for one in motion.switchings][:2] == ["pull_in", "drop_out"]
     assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
     assert motion.energy.impact_J > 0.0
@@ -149,11 +132,8 @@ def test_leaving_the_domain_is_said_and_ends_the_simulation():
 
 @pytest.mark.parametrize(
     ("error", "given"),
-    [
-        (DomainError, {"start_m": 0.02}),  # beyond the model
-        (DomainError, {"start_m": 5e-3}),  # beyond its stop
-        (UsageError, {"current_A": 1.0}),  # two commands
-    ],
+    [(DomainError, {"start_m": 0.02}), (DomainError, {"start_m": 5e-3}), (UsageError, {"current_A": 1.0})],
+    ids=["beyond the model", "beyond its stop", "two commands"],
 )
 def test_a_start_outside_of_domain_or_stops_and_two_commands_are_refused(error, given):
     with pytest.raises(error):
@@ -163,9 +143,9 @@ def test_a_start_outside_of_domain_or_stops_and_two_commands_are_refused(error, 
 def test_a_profile_is_read_held_or_interpolated(tmp_path):
     path = tmp_path / "drive.csv"
     path.write_text("time_ms;voltage_V\n0;0\n10;12\n20;4\n")
-    held, linear = (read_profiles(path, interpolation=one)["coil"] for one in ("held", "linear"))
-    assert [held.at(t) for t in (-1.0, 0.005, 0.01, 0.015, 1.0)] == [0.0, 0.0, 12.0, 12.0, 4.0]
-    assert [linear.at(t) for t in (-1.0, 0.005, 0.01, 0.015, 1.0)] == pytest.approx([0.0, 6.0, 12.0, 8.0, 4.0])
+    for interpolation, wanted in (("held", [0.0, 0.0, 12.0, 12.0, 4.0]), ("linear", [0.0, 6.0, 12.0, 8.0, 4.0])):
+        linear = read_profiles(path, interpolation=interpolation)["coil"]
+        assert [linear.at(t) for t in (-1.0, 0.005, 0.01, 0.015, 1.0)] == pytest.approx(wanted)
     cut = linear.within(0.0, 6.0)
     np.testing.assert_allclose(cut.time_s, [0.0, 0.005, 0.01, 0.0175, 0.02])
     np.testing.assert_allclose(cut.value, [0.0, 6.0, 6.0, 6.0, 4.0])

@@ -16,9 +16,10 @@ from femfit.simulation.open_result import step_response, switchings
 from femfit.simulation.profile import Profile, read_profiles
 from support.bearing import table_of
 from support.halves import NAMES, cut_in_two
-from support.solenoids import NoField, solenoid
+from support.parts import with_circuit, with_motion
+from support.solenoids import HELD, NoField, solenoid
+from support.switching import pulse
 
-PULSE = np.array([0.0, 0.08])
 DRIVES = {
     "bridge": (None, "voltage", 12.0),
     "diode": (Drive(diode_V=0.7), "voltage", 12.0),
@@ -31,11 +32,9 @@ DRIVES = {
 def test_two_halves_switch_as_the_whole_coil(name):
     """With something in series, and each half with half of the voltage, or the same current."""
     drive, kind, on = DRIVES[name]
-    whole = solenoid(drive=drive)
-    whole = replace(whole, circuits=(replace(whole.circuit, inductance_H=2e-3),))
-    share = 0.5 if kind == "voltage" else 1.0
-    one = simulate(whole, drive=Profile(kind, PULSE, np.array([on, 0.0])), duration_s=0.15)
-    command = Profile(kind, PULSE, share * np.array([on, 0.0]))
+    whole = with_circuit(solenoid(drive=drive), inductance_H=2e-3)
+    one = simulate(whole, drive=pulse(kind, on, end=0.08), duration_s=0.15)
+    command = pulse(kind, 0.5 * on if kind == "voltage" else on, end=0.08)
     two = simulate(cut_in_two(whole), drive=dict.fromkeys(NAMES, command), duration_s=0.15)
     assert [(s.kind, s.bounces) for s in two.switchings] == [(s.kind, s.bounces) for s in one.switchings]
     for mine, other in zip(two.switchings, one.switchings, strict=True):
@@ -49,8 +48,8 @@ def test_two_halves_switch_as_the_whole_coil(name):
     np.testing.assert_allclose(two.table["distance_m"], one.table["distance_m"], atol=1e-7)
     for part in ("source_J", "copper_J", "diode_J", "impact_J", "magnetic_J"):
         assert getattr(two.energy, part) == pytest.approx(getattr(one.energy, part), rel=1e-5, abs=1e-9)
-    assert abs(two.energy.remainder_J) < 1e-6 * two.energy.supplied_J
-    assert abs(one.energy.remainder_J) < 1e-6 * one.energy.supplied_J
+    for motion in (one, two):
+        assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
 
 
 SPRUNG = {
@@ -70,10 +69,7 @@ def bearing():
 
 
 def test_all_energy_of_two_unlike_circuits_is_accounted_for(bearing):
-    drive = {
-        "lower": Profile("voltage", np.array([0.0, 0.01]), np.array([1.5, -1.5])),
-        "upper": Profile("voltage", np.array([0.0, 0.02]), np.array([1.2, 0.0])),
-    }
+    drive = {"lower": pulse("voltage", 1.5, -1.5, 0.01), "upper": pulse("voltage", 1.2)}
     motion = simulate(bearing, drive=drive, duration_s=0.06, outside="extrapolate")
     assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
     assert motion.energy.diode_J > 0.0
@@ -86,23 +82,19 @@ def test_all_energy_of_two_unlike_circuits_is_accounted_for(bearing):
 
 def test_a_current_in_one_circuit_drives_the_other_ones_diode():
     """Held still, two coils are a transformer: with one switched off, the other's current goes on by the diode."""
-    held = Mechanics(0.025, 0.0, springs=(Spring(0.0, 50.0),), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
-    model = cut_in_two(solenoid(held, Drive(diode_V=0.2)))
-    off = Profile("voltage", np.array([0.0, 0.02]), np.array([6.0, 0.0]))
-    motion = simulate(model, drive={"inner": off}, duration_s=0.05)
+    model = cut_in_two(solenoid(replace(HELD, springs=(Spring(0.0, 50.0),)), Drive(diode_V=0.2)))
+    motion = simulate(model, drive={"inner": pulse("voltage", 6.0)}, duration_s=0.05)
     outer, time = motion.table["current_outer_A"], motion.table["time_s"]
     assert np.all(outer[time < 0.0199] == 0.0)  # a rising current drives it against its diode
     assert outer.max() > 0.05  # a falling one through it
-    names = {(event.name, event.circuit) for event in motion.events}
-    assert {("current_stops", "outer"), ("current_stops", "inner")} <= names
+    assert {("current_stops", name) for name in NAMES} <= {(event.name, event.circuit) for event in motion.events}
     assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
 
 
 def test_an_amplifier_feels_what_the_other_circuit_induces(bearing):
     """One current is held while the other's voltage steps; the voltage that holds it follows the mutual inductance."""
     amplifier = replace(bearing.circuits[1], drive=Drive("current"), voltage_min_V=-24.0)
-    held = Mechanics(1e6, 0.0)
-    model = replace(bearing, circuits=(bearing.circuits[0], amplifier), motion=held)
+    model = replace(bearing, circuits=(bearing.circuits[0], amplifier), motion=Mechanics(1e6, 0.0))
     motion = simulate(model, voltage_V={"lower": 3.0}, current_A={"upper": 0.0}, duration_s=0.002, start_m=0.5e-3)
     inductance = model.inductance(0.5e-3, [0.0, 0.0])
     rate = 3.0 / inductance[0, 0]  # of the first moment
@@ -111,10 +103,9 @@ def test_an_amplifier_feels_what_the_other_circuit_induces(bearing):
 
 
 def test_a_command_and_the_end_of_the_domain_name_their_circuits(bearing):
-    with pytest.raises(UsageError, match="lower, upper"):
-        simulate(bearing, voltage_V=2.0)
-    with pytest.raises(UsageError, match="sideways"):
-        simulate(bearing, voltage_V={"sideways": 2.0})
+    for voltage, named in ((2.0, "lower, upper"), ({"sideways": 2.0}, "sideways")):
+        with pytest.raises(UsageError, match=named):
+            simulate(bearing, voltage_V=voltage)
     motion = simulate(bearing, voltage_V={"lower": 40.0}, duration_s=1e-3)
     assert "lower" in motion.notes[0]
     motion = simulate(bearing, voltage_V={"lower": 24.0}, duration_s=0.05)
@@ -139,20 +130,22 @@ STOPS = {"near_stop": Stop(1e-3), "far_stop": Stop(5e-3)}
 
 
 @pytest.mark.parametrize(
-    ("mechanics", "start"),
-    [
-        ({"springs": (Spring(500.0, 0.0, 2e-3),)} | STOPS, 2e-3),  # between the stops
-        ({"springs": (Spring(500.0, 0.0, 2e-3),)}, 2e-3),  # without stops
-        ({"springs": (Spring(500.0, 0.0, 2e-3),), "load_N": 0.5} | STOPS, 3e-3),
-        ({"springs": (Spring(500.0, 0.0, 9e-3),)} | STOPS, 5e-3),  # pressed to the far stop
-        ({"springs": (Spring(500.0, 0.0, 0.0),), "load_N": -1.0} | STOPS, 1e-3),  # to the near one
-    ],
-)
-def test_a_body_begins_where_it_rests_without_current(mechanics, start):
-    model = replace(solenoid(), magnetics=NoField(), motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **mechanics))
+    ("free_m", "load_N", "stops", "start"),
+    [(2e-3, 0.0, STOPS, 2e-3), (2e-3, 0.0, {}, 2e-3), (2e-3, 0.5, STOPS, 3e-3),
+     (9e-3, 0.0, STOPS, 5e-3), (0.0, -1.0, STOPS, 1e-3)],
+    ids=["between the stops", "without stops", "under a load", "pressed to the far stop", "to the near one"],
+)  # fmt: skip
+def test_a_body_begins_where_it_rests_without_current(free_m, load_N, stops, start):
+    motion = Mechanics(0.02, 0.0, springs=(Spring(500.0, 0.0, free_m),), load_N=load_N, **stops)
+    model = replace(solenoid(motion), magnetics=NoField())
     found = simulate(model, voltage_V=0.0, duration_s=0.01)
     assert found.table["distance_m"] == pytest.approx(np.full(2001, start), abs=1e-9)
     assert not found.switchings
+
+
+def on_springs(**changes):
+    usual = {"mass_kg": 0.02, "gravity_m_s2": 0.0, "springs": (Spring(20.0, 0.05, 5e-3),)}
+    return solenoid(Mechanics(**usual | changes))
 
 
 @pytest.mark.parametrize("ratio", [0.3, 0.6, 1.0, 3.0])
@@ -173,23 +166,15 @@ def test_what_does_not_move_settle_or_ends_on_a_stop_has_no_step_response():
     time = np.linspace(0.0, 1.0, 1001)
     assert step_response(time, 1e-3 * time) is None
     assert step_response(time, np.full(1001, 1e-3)) is None
-    springs = {"springs": (Spring(500.0, 0.0, 3e-3),), "viscous_N_s_per_m": 5.0}
-    free = replace(solenoid(), motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **springs))
-    stopped = replace(free, motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **springs, near_stop=Stop(2.9e-3)))
+    free = on_springs(springs=(Spring(500.0, 0.0, 3e-3),), viscous_N_s_per_m=5.0)
     assert simulate(free, current_A=0.4, duration_s=0.3).step is not None
-    assert simulate(stopped, current_A=1.0, duration_s=0.3).step is None
+    assert simulate(with_motion(free, near_stop=Stop(2.9e-3)), current_A=1.0, duration_s=0.3).step is None
 
 
 def test_a_body_that_begins_between_its_stops_is_not_said_to_drop_out():
-    model = replace(solenoid(), motion=Mechanics(mass_kg=0.02, gravity_m_s2=9.81, **STOPS))
-    found = simulate(model, voltage_V=0.0, start_m=2e-3, duration_s=0.1)
+    found = simulate(solenoid(Mechanics(0.02, 9.81, **STOPS)), voltage_V=0.0, start_m=2e-3, duration_s=0.1)
     assert [one.kind for one in found.switchings] == ["to_far"]
     assert found.switchings[0].started_s == pytest.approx(found.switchings[0].command_s)
-
-
-def on_springs(**changes):
-    usual = {"mass_kg": 0.02, "gravity_m_s2": 0.0, "springs": (Spring(20.0, 0.05, 5e-3),)}
-    return replace(solenoid(), motion=Mechanics(**usual | changes))
 
 
 def test_a_body_between_stops_is_switched_on_and_off():
@@ -204,51 +189,41 @@ def test_a_body_between_stops_is_switched_on_and_off():
 
 def test_a_body_on_springs_gets_a_step_that_it_can_follow_between_its_stops():
     model = on_springs(springs=(Spring(2e3, 0.0, 3e-3),), viscous_N_s_per_m=5.0)
-    found = motion_at_supply(model)
-    assert found.step is not None
-    assert not found.left_domain
-    parts = [model.circuit.voltage_max_V / 2.0**k for k in range(7)]
-    assert found.profile.value[0] in parts
-    assert found.table["distance_m"][-1] < found.table["distance_m"][0]
-    model = on_springs(
-        springs=(Spring(80.0, 0.0, 3e-3),), viscous_N_s_per_m=2.0, near_stop=Stop(2e-3), far_stop=Stop(4e-3)
-    )
-    found = motion_at_supply(model)
-    assert found.step is not None
-    assert found.profile.value[0] < model.circuit.voltage_max_V
+    soft = {"springs": (Spring(80.0, 0.0, 3e-3),), "viscous_N_s_per_m": 2.0}
+    free, stopped = map(motion_at_supply, (model, on_springs(**soft, near_stop=Stop(2e-3), far_stop=Stop(4e-3))))
+    assert free.step is not None
+    assert stopped.step is not None
+    assert not free.left_domain
+    supply = model.circuit.voltage_max_V
+    assert free.profile.value[0] in [supply / 2.0**k for k in range(7)]
+    assert free.table["distance_m"][-1] < free.table["distance_m"][0]
+    assert stopped.profile.value[0] < supply
 
 
 def test_where_the_supply_moves_nothing_it_is_said_to_stay_or_there_is_no_such_motion():
-    strong = on_springs(springs=(Spring(500.0, 1.0, 5e-3),), near_stop=Stop(0.5e-3), far_stop=Stop(5e-3))
-    motion = motion_at_supply(strong)
+    stopped = on_springs(near_stop=Stop(0.5e-3), far_stop=Stop(5e-3))
+    motion = motion_at_supply(with_motion(stopped, springs=(Spring(500.0, 1.0, 5e-3),)))
     assert not motion.switchings
     assert motion.table["distance_m"] == pytest.approx(5e-3)
-    levitated = replace(solenoid(), motion=Mechanics(mass_kg=0.02))
-    amplifier = on_springs(near_stop=Stop(0.5e-3), far_stop=Stop(5e-3))
-    amplifier = replace(amplifier, circuits=(replace(amplifier.circuit, drive=Drive("current")),))
-    assert motion_at_supply(levitated) is None
-    assert motion_at_supply(amplifier) is None
-    assert motion_at_supply(replace(solenoid(), motion=None)) is None
+    levitated, amplified = solenoid(Mechanics(0.02)), with_circuit(stopped, drive=Drive("current"))
+    for model in (levitated, amplified, replace(solenoid(), motion=None)):
+        assert motion_at_supply(model) is None
 
 
 STEP = (Profile("voltage", np.array([0.0]), np.array([12.0])),)
 
 
-@pytest.mark.parametrize(
-    ("names", "kinds"),
-    [
-        (("starts", "hits_near", "hits_near", "rests_near", "starts", "hits_far"), ["pull_in", "drop_out"]),
-        # thrown from stop to stop, as a vibration motor is
-        (("starts", "hits_near", "hits_far", "hits_near"), ["pull_in", "to_far", "to_near"]),
-        # a stop that gives way has no rest
-        (("starts", "hits_near", "leaves_near", "hits_far"), ["pull_in", "drop_out"]),
-        # an event that is no contact changes nothing
-        (("starts", "hits_near", "current_leaves_domain", "hits_far"), ["pull_in", "to_far"]),
-        # from between the stops
-        (("starts", "hits_far"), ["to_far"]),
-    ],
-)
-def test_a_body_switches_where_it_rested_on_the_stop_that_it_leaves(names, kinds):
-    events = [Event(1e-3 * k, name, 1e-3, 0.3, 0.5) for k, name in enumerate(names, start=1)]
-    begun_at = None if names == ("starts", "hits_far") else "far"
-    assert [one.kind for one in switchings(events, begun_at, STEP)] == kinds
+SWITCHINGS = {
+    "with a rest": ("far", "starts hits_near hits_near rests_near starts hits_far", "pull_in drop_out"),
+    "thrown from stop to stop": ("far", "starts hits_near hits_far hits_near", "pull_in to_far to_near"),
+    "on a stop that gives way": ("far", "starts hits_near leaves_near hits_far", "pull_in drop_out"),
+    "with an event that is no contact": ("far", "starts hits_near current_leaves_domain hits_far", "pull_in to_far"),
+    "from between the stops": (None, "starts hits_far", "to_far"),
+}
+
+
+@pytest.mark.parametrize("name", SWITCHINGS)
+def test_a_body_switches_where_it_rested_on_the_stop_that_it_leaves(name):
+    begun_at, names, kinds = SWITCHINGS[name]
+    events = [Event(1e-3 * k, name, 1e-3, 0.3, 0.5) for k, name in enumerate(names.split(), start=1)]
+    assert [one.kind for one in switchings(events, begun_at, STEP)] == kinds.split()

@@ -5,22 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import scipy.linalg
 from scipy.linalg import expm, solve_discrete_lyapunov
 from scipy.signal import ss2tf
 
 import femfit as ff
 from femfit.core.errors import DomainError
-from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor
 from femfit.simulation.controllers import Backstepping
 from femfit.simulation.design import CONTROLLERS, adjusted, design_loop
 from femfit.simulation.experiment import Experiment, LoopRuns
-from femfit.simulation.linear_loop import (
-    LinearController,
-    LinearPlant,
-    closed_loop_matrix,
-    linear_plant,
-)
+from femfit.simulation.linear_loop import LinearController, LinearPlant, closed_loop_matrix, linear_plant
 from femfit.simulation.loop import run_loop
 from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin, worst_of
 from femfit.simulation.operating_point import operating_point
@@ -37,9 +31,7 @@ def design(levitation_model):
 @pytest.fixture(scope="module")
 def late(levitation_model):
     """A position sensor that is 2.4 samples late, and a command a sample later."""
-    laser = PositionSensor(
-        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, delay_s=1.2e-3, bits=0
-    )
+    laser = replace(LASER_10_V, delay_s=1.2e-3, bits=0)
     model = replace(levitation_model, sensor=None, other_sensors=(laser,), reference_distances_m=(0.026,))
     return design_loop(model, latency=1)
 
@@ -52,9 +44,7 @@ def parts(design, name="backstepping", observer="ekf"):
 
 def test_the_linear_plant_is_the_matrix_exponential_of_the_equations(levitation_model, design):
     point, plant, _ = parts(design)
-    whole = np.zeros((4, 4))
-    whole[:3, :3], whole[:3, 3:] = point.A, point.B
-    exact = scipy.linalg.expm(whole * levitation_model.sample_time_s)
+    exact = expm(np.block([[point.A, point.B], [np.zeros((1, 4))]]) * levitation_model.sample_time_s)
     # four steps of second order over h p = 0.083 are off by (h p)^3/12/16; the distance after a step of the voltage,
     # (h p)^3 at first order, by (h p)^2 of itself at most
     np.testing.assert_allclose(plant.A, exact[:3, :3], rtol=3e-6, atol=1e-7)
@@ -77,28 +67,22 @@ def test_poles_and_response_of_the_loop_belong_together(request, kind, name):
 
 def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(design):
     """Without noise, from a small error, on the exact plant with the filter of the linear loop."""
-    loop, (_, plant, linear) = design, parts(design)
-    poles = np.linalg.eigvals(closed_loop_matrix(plant, linear))
-    slowest = np.log(np.abs(poles).max()) / loop.model.sample_time_s
-    noisy = LoopRuns(loop, Experiment("backstepping", "ekf", (0.026,)), None, 1, 1600, 1600, 0).loop
-    sensors = [replace(sensor, reading=replace(sensor.reading, noise=0.0, bits=0)) for sensor in noisy.sensors]
+    step, (point, plant, linear) = design.model.sample_time_s, parts(design)
+    slowest = np.log(np.abs(np.linalg.eigvals(closed_loop_matrix(plant, linear))).max()) / step
+    noisy = LoopRuns(design, Experiment("backstepping", "ekf", (0.026,)), None, 1, 1600, 1600, 0).loop
+    sensors = tuple(replace(sensor, reading=replace(sensor.reading, noise=0.0, bits=0)) for sensor in noisy.sensors)
     off, filter_ = np.array([2e-5, 0.0, 0.0]), noisy.observer
-    observer = SimpleNamespace(
-        start=lambda mean: filter_.start(mean - off), update=filter_.update, step=filter_.step
-    )  # which believes the body to be at rest
-    start = operating_point(loop.model, 0.026).state + off
-    quiet = replace(noisy, sensors=tuple(sensors), observer=observer)
+    # It believes the body to be at rest
+    observer = SimpleNamespace(start=lambda mean: filter_.start(mean - off), update=filter_.update, step=filter_.step)
+    start = point.state + off
+    quiet = replace(noisy, sensors=sensors, observer=observer)
     (result,) = run_loop(quiet, start[None], np.random.default_rng(0))
     size = np.abs(result.series.distance_m[:, 0] - 0.026)
     # Five windows, of less than a turn of the slowest pair of poles; rounding leaves 7e-17 m
     window = np.array([size[k : k + 200].max() for k in range(200, 1600, 200)])
     window = window[window > 3e-16][-5:]
-    decay = np.polyfit(loop.model.sample_time_s * np.arange(len(window)) * 200, np.log(window), 1)[0]
+    decay = np.polyfit(step * np.arange(len(window)) * 200, np.log(window), 1)[0]
     assert decay == pytest.approx(slowest, rel=0.15)  # the filter's own gain settles meanwhile
-
-
-def test_a_controller_that_is_asked_for_by_keyword_is_the_one_of_that_name(design):
-    assert [design.controller(name=name).name for name in CONTROLLERS] == list(CONTROLLERS)
 
 
 def test_margins_of_a_closed_form():
@@ -124,7 +108,7 @@ def test_the_margin_of_a_loop_that_moves_more_slowly_than_a_ten_thousandth_of_it
 
 
 def test_a_stable_body_whose_loop_has_no_gain_has_no_phase_margin():
-    """400 N/m of its own against 100 of the loop: a quarter at rest, where the gain of a damped body is largest."""
+    """Of 400 N/m, with 100 of the loop: a quarter at rest, where the gain of a damped body is largest."""
     idle = margins(DAMPED, pid(100.0, 0.0, 0.0, 400.0), STEP, np.ones(1))
     assert idle.stable
     assert idle.largest_gain == pytest.approx(0.25, rel=1e-3)
@@ -133,19 +117,19 @@ def test_a_stable_body_whose_loop_has_no_gain_has_no_phase_margin():
 
 
 def test_gains_of_ones_own_take_the_place_of_the_designed_in_both_forms(design):
-    other = adjusted(design, "pid", gains={"kp": 400.0})
-    assert other.controller("pid").parts["kp"] == pytest.approx(400.0)
-    assert other.controller("pid").parts["kd"] == pytest.approx(design.controller("pid").parts["kd"])
+    assert [design.controller(name=name).name for name in CONTROLLERS] == list(CONTROLLERS)
+    drawn, other = (one.controller("pid") for one in (design, adjusted(design, "pid", gains={"kp": 400.0})))
+    assert (other.parts["kp"], other.parts["kd"]) == pytest.approx((400.0, drawn.parts["kd"]))
     faster = adjusted(design, "backstepping", bandwidth_rad_s=80.0).controller("backstepping")
     assert isinstance(faster, Backstepping)
     assert faster.position == pytest.approx(80.0**2 / 3.0)
-    with pytest.raises(DomainError, match="kp, ki, kd, filter_rad_s, current"):
-        adjusted(design, "pid", gains={"p": 1.0})
-    with pytest.raises(DomainError, match="> 0"):
-        adjusted(design, "pid", bandwidth_rad_s=1e9)
-    again = other.controller("pid").with_parts(design.controller("pid").parts)
-    np.testing.assert_allclose(again.gains, design.controller("pid").gains, rtol=1e-9)
-    assert again.filter_pole == pytest.approx(design.controller("pid").filter_pole, rel=1e-9)
+    wrong = {"kp, ki, kd, filter_rad_s, current": {"gains": {"p": 1.0}}, "> 0": {"bandwidth_rad_s": 1e9}}
+    for named, options in wrong.items():
+        with pytest.raises(DomainError, match=named):
+            adjusted(design, "pid", **options)
+    again = other.with_parts(drawn.parts)
+    np.testing.assert_allclose(again.gains, drawn.gains, rtol=1e-9)
+    assert again.filter_pole == pytest.approx(drawn.filter_pole, rel=1e-9)
 
 
 @pytest.mark.parametrize("period", [1, 4])
@@ -173,9 +157,7 @@ STEP = 1e-3
 def sampled(A, B):
     """A continuous plant whose first state is read, held over the samples."""
     n = len(A)
-    block = np.zeros((n + 1, n + 1))
-    block[:n, :n], block[:n, n] = A, B
-    whole = expm(STEP * block)
+    whole = expm(STEP * np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]))
     return LinearPlant(whole[:n, :n], whole[:n, n:], np.eye(n)[:1, None], np.array([1e-6]))
 
 

@@ -13,7 +13,8 @@ from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
 from femfit.simulation.loop import _Watch
 from femfit.simulation.plant import SensorBank, SensorErrors, convert, loop_sensors, sensor_noise
-from support.readings import LASER
+from support.parts import with_sensor
+from support.readings import LASER, SHUNT
 from support.solenoids import STEP_S as PICKUP_STEP_S
 from support.solenoids import searched, solenoid
 
@@ -36,24 +37,20 @@ def readings(model, errors, steps, runs=1, noise=0.0, names=("hall",)):
 
 @pytest.fixture
 def free(levitation_model):
-    return replace(levitation_model, sensor=replace(levitation_model.sensor, adc_bits=0))
+    return with_sensor(levitation_model, adc_bits=0)
 
 
 def test_a_converter_rounds_within_half_a_step_and_clips_to_its_range(levitation_model, free):
-    (one,) = of(levitation_model)
-    assert one.reading.step == pytest.approx(1.2207e-3, rel=1e-4)
-    volts = np.linspace(0.1, 4.9, 100_001)
-    codes = convert(one, volts) / one.reading.step
-    np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
-    error = convert(one, volts) - volts
-    assert np.abs(error).max() <= 0.5 * one.reading.step * (1 + 1e-9)
-    assert error.std() == pytest.approx(one.reading.step / np.sqrt(12.0), rel=1e-3)
-    low, high = levitation_model.sensor.output_min_V, levitation_model.sensor.output_max_V
-    largest_code = high - one.reading.step
-    np.testing.assert_allclose(convert(one, np.array([-1.0, 9.0])), [low, largest_code])
-    (one,) = of(free)
-    np.testing.assert_array_equal(convert(one, np.array([1.23456789])), [1.23456789])
-    assert one.reading.step == 0.0
+    (one,), (exact,) = of(levitation_model), of(free)
+    step, volts = one.reading.step, np.linspace(0.1, 4.9, 100_001)
+    assert step == pytest.approx(1.2207e-3, rel=1e-4)
+    found = convert(one, volts)
+    np.testing.assert_allclose(found / step, np.round(found / step), atol=1e-9)
+    assert np.abs(found - volts).max() <= 0.5 * step * (1 + 1e-9)
+    assert (found - volts).std() == pytest.approx(step / np.sqrt(12.0), rel=1e-3)
+    np.testing.assert_allclose(convert(one, np.array([-1.0, 9.0])), [0.0, 5.0 - step])
+    np.testing.assert_array_equal(convert(exact, np.array([1.23456789])), [1.23456789])
+    assert exact.reading.step == 0.0
 
 
 def test_white_noise_has_its_deviation_and_no_correlation(free):
@@ -72,9 +69,8 @@ def test_offset_drift_a_stuck_sensor_and_dropouts_read_as_told(free, levitation_
     assert len(np.unique(values[:10])) > 3
     np.testing.assert_array_equal(values[10:], values[9])
     values = readings(levitation_model, SensorErrors(dropout_probability=0.1), steps=200, runs=100)
-    assert np.mean(values == levitation_model.sensor.output_min_V) == pytest.approx(
-        0.1, abs=0.01
-    )  # 4.7 sigma of 20000 draws
+    # 4.7 sigma of 20000 draws
+    assert np.mean(values == levitation_model.sensor.output_min_V) == pytest.approx(0.1, abs=0.01)
 
 
 @pytest.fixture
@@ -90,7 +86,7 @@ def test_a_late_sensor_reads_what_was_there_before(several):
     sensors = of(several, names=("laser",))
 
     def state(time):
-        return np.array([[0.02 + 0.1 * time + 5.0 * time**2, 0.1 + 10.0 * time, 0.4, 0.0][:3]])
+        return np.array([[0.02 + 0.1 * time + 5.0 * time**2, 0.1 + 10.0 * time, 0.4]])
 
     sensing = SensorBank(several, sensors, SensorErrors(), state(0.0), np.random.default_rng(0))
     for k in range(1, 6):
@@ -126,9 +122,8 @@ def test_a_slow_sensor_is_not_read_between_its_samples_and_a_fault_is_of_the_sen
 
 def test_noise_is_given_by_name_or_for_the_first_sensor(several):
     names = ("laser", "ammeter")
-    assert sensor_noise(several, names) == {"laser": 1e-6, "ammeter": 1e-3}
-    assert sensor_noise(several, names, 2e-6) == {"laser": 2e-6, "ammeter": 1e-3}
-    assert sensor_noise(several, names, {"ammeter": 0.0}) == {"laser": 1e-6, "ammeter": 0.0}
+    for given, noises in ((None, [1e-6, 1e-3]), (2e-6, [2e-6, 1e-3]), ({"ammeter": 0.0}, [1e-6, 0.0])):
+        assert sensor_noise(several, names, given) == dict(zip(names, noises, strict=True))
     with pytest.raises(DomainError, match="hall"):
         sensor_noise(several, names, {"hall": 1.0})
 
@@ -160,10 +155,9 @@ def test_a_pickup_coil_reads_the_mean_voltage_of_a_sample(delay):
 @pytest.mark.parametrize("delay", [1.0, 2.5])
 def test_a_late_hall_element_reads_the_field_of_an_earlier_part_of_a_sample(levitation_model, delay):
     """Within a sample the loop takes the motion's cubic, a line is d'' T^2 / 8 off it: here up to 16 m/s^2."""
-    model = replace(levitation_model, sample_time_s=PICKUP_STEP_S)
-    model = replace(model, sensor=replace(model.sensor, delay_s=delay * PICKUP_STEP_S))
+    model = replace(with_sensor(levitation_model, delay_s=delay * PICKUP_STEP_S), sample_time_s=PICKUP_STEP_S)
     places = PATH + np.array([20e-3, 0.0, 0.0])
-    prompt = model.sensor.voltage(places[:, 0], places[:, 2])
+    prompt = levitation_model.sensor.voltage(places[:, 0], places[:, 2])
     wanted = np.interp(TIME - delay * PICKUP_STEP_S, TIME, prompt)
     slope = np.abs(np.gradient(prompt, places[:, 0])).max()
     found = read_by_the_loop(model, "hall", places)
@@ -175,8 +169,7 @@ RUNS = 100
 
 @pytest.fixture(scope="module")
 def model():
-    shunt = CurrentSensor(name="current", noise=4e-3, circuit="coil")
-    return replace(solenoid(), sample_time_s=1e-4, other_sensors=(shunt,))
+    return replace(solenoid(), sample_time_s=1e-4, other_sensors=(replace(SHUNT, noise=4e-3),))
 
 
 @pytest.fixture(scope="module")
@@ -184,20 +177,13 @@ def found(model):
     return ff.sense(model, runs=RUNS)
 
 
-def test_before_the_command_the_filter_knows_no_more_than_before(found):
-    before = found.time_s < 0.02
-    assert found.rms_m[before].min() > 0.3e-3  # of 1 mm, half of which the stop cuts off
-
-
-def test_in_the_middle_of_the_stroke_the_error_is_near_the_bound_and_as_claimed(found):
+def test_the_filter_knows_nothing_before_the_command_and_is_near_the_bound_in_the_middle_of_the_stroke(found):
+    assert found.rms_m[found.time_s < 0.02].min() > 0.3e-3  # of 1 mm, half of which the stop cuts off
     middle = (found.distance_m > 0.8e-3) & (found.distance_m < 3e-3)
-    error, bound, claimed = (
-        np.sqrt(np.mean(one[middle] ** 2)) for one in (found.rms_m, found.bound_m, found.claimed_m)
-    )
+    error, *said = (np.sqrt(np.mean(one[middle] ** 2)) for one in (found.rms_m, found.bound_m, found.claimed_m))
     # An error of the distance lasts through a run: as many independent ones as runs; 0.1 % of such sets are outside
     low, high = np.sqrt(chi2.ppf([1e-3, 1.0 - 1e-3], RUNS) / RUNS)
-    assert low < error / bound < high
-    assert low < error / claimed < high
+    assert all(low < error / one < high for one in said)
 
 
 def test_a_test_voltage_lets_the_filter_see_at_rest(model, found):
@@ -219,12 +205,12 @@ def test_two_commands_and_a_frequency_beyond_half_of_the_sampling_rate_are_refus
 
 
 def test_the_current_is_read_by_the_sensor_of_that_kind_whatever_its_name(model):
-    shunt = CurrentSensor(name="shunt", noise=4e-3, circuit="coil")
+    shunt = replace(model.other_sensors[0], name="shunt")
     assert ff.sense(replace(model, other_sensors=(shunt,)), runs=1).sensors == ("shunt",)
 
 
 def test_what_a_filter_remembers_of_a_late_sensor_begins_where_the_body_was(model):
     laser = replace(LASER, noise=1e-5, delay_s=0.5e-4)
-    found = ff.sense(replace(model, other_sensors=(laser,)), sensors=("laser",), runs=100)
+    found = ff.sense(replace(model, other_sensors=(laser,)), sensors=("laser",), runs=RUNS)
     # Half of the reading is what was remembered; a first estimate off by 1 mm must not make it more wrong
     assert found.rms_m[0] < found.claimed_m[0] < 1e-3

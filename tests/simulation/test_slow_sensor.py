@@ -9,35 +9,30 @@ from scipy.stats import chi2
 
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, Drive, PositionSensor
 from femfit.device.mechanics import Mechanics
-from femfit.estimate.kalman_filter import kalman_filter
 from femfit.fit.build import fit_model
 from femfit.model.dynamics import voltages_needed
-from femfit.model.with_effects import with_effects
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance
-from femfit.simulation.gains import design_backstepping
 from femfit.simulation.linear_loop import linear_plant
-from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.plant import Plant, SensorErrors, loop_sensors, with_force_scale
-from femfit.simulation.profile import Profile
-from femfit.simulation.targets import Reference
-from support.added_effects import added
+from femfit.simulation.plant import Plant, loop_sensors, with_force_scale
+from support.added_effects import usually
 from support.bearing import CIRCUITS, ENTRY, table_of
 from support.closed_loop import run
 from support.eddies import with_eddies
 from support.readings import LASER
 from support.solenoids import SHARE, search_coil, solenoid
+from support.switching import pulse
 
 PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
+BY_EKF = Experiment("backstepping", "ekf", (DISTANCE,))
 
 
 def design_with(model, noise, period):
-    step = model.sample_time_s
-    laser = replace(LASER, noise=noise, sample_time_s=period * step)
+    laser = replace(LASER, noise=noise, sample_time_s=period * model.sample_time_s)
     return design_loop(replace(model, sensor=None, other_sensors=(laser,), reference_distances_m=(DISTANCE,)))
 
 
@@ -55,26 +50,20 @@ def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, levitation
 
 def test_the_band_of_the_innovations_counts_the_readings(slow):
     """Two sensors, of which one is read at every fourth of 80 samples: 100 readings of each of three runs."""
-    prompt = replace(slow.model.other_sensors[0], name="prompt", sample_time_s=None)
-    model = replace(slow.model, other_sensors=(*slow.model.other_sensors, prompt))
-    experiment = Experiment("backstepping", "ekf", (DISTANCE,))
-    (loop,) = run_loops(
-        design_loop(model), [experiment], np.random.default_rng(1), runs=3, duration_s=80 * model.sample_time_s
-    )
+    (laser,), step = slow.model.other_sensors, slow.model.sample_time_s
+    model = replace(slow.model, other_sensors=(laser, replace(laser, name="prompt", sample_time_s=None)))
+    (loop,) = run_loops(design_loop(model), [BY_EKF], np.random.default_rng(1), runs=3, duration_s=80 * step)
     assert loop.held == 3
-    band = chi2.ppf([0.025, 0.975], 300) / 300
     found = loop.innovation_band
-    assert (found.lower, found.upper) == pytest.approx(tuple(band), rel=1e-12)
-    squared = loop.result
-    assert squared.readings.tolist() == [100.0] * 3
+    assert (found.lower, found.upper) == pytest.approx(chi2.ppf([0.025, 0.975], 300) / 300, rel=1e-12)
+    assert loop.result.readings.tolist() == [100.0] * 3
     assert loop.normalised_innovation_squared == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 300))
 
 
 def test_the_direct_measurement_stays_what_the_last_reading_said(slow):
-    result = run(slow, Experiment("backstepping", "ekf", (DISTANCE,)), steps=40)
-    direct = direct_distance(slow, result.series)
-    read = result.series.readings[::PERIOD, :, 0]  # The laser says the distance itself
-    np.testing.assert_allclose(direct, np.repeat(read, PERIOD, axis=0), rtol=1e-9)
+    series = run(slow, BY_EKF, steps=40).series
+    read = series.readings[::PERIOD, :, 0]  # The laser says the distance itself
+    np.testing.assert_allclose(direct_distance(slow, series), np.repeat(read, PERIOD, axis=0), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("times", "period"), [(0.1, 1), (1.0, 1), (3.0, 3)])
@@ -89,36 +78,21 @@ LATE = PositionSensor(
 STEP_S = 1e-4
 
 
-def sensed(*sensors):
-    model = solenoid()
-    model = replace(model, other_sensors=tuple(one(model) if callable(one) else one for one in sensors))
-    return simulate(model, voltage_V=12.0, duration_s=0.02, sample_time_s=STEP_S).table
-
-
-def test_a_position_sensor_reads_its_characteristic_late_and_within_its_range():
-    table = sensed(LATE)
+def test_a_drawn_sensors_column_holds_what_it_reads():
+    """A late characteristic within its range, what changes the velocity, and the mean voltage of the step before."""
+    plain, shunt = solenoid(), CurrentSensor(name="shunt", circuit="coil", gain=1.1)
+    sensors = LATE, AccelerationSensor(name="mems"), search_coil(plain), shunt
+    models = plain, replace(plain, other_sensors=sensors)
+    alone, table = (simulate(one, voltage_V=12.0, duration_s=0.02, sample_time_s=STEP_S).table for one in models)
+    np.testing.assert_array_equal(table["current_A"], alone["current_A"])  # the true one, whatever a sensor reads
     late = np.r_[np.full(10, table["distance_m"][0]), table["distance_m"][:-10]]
     np.testing.assert_allclose(table["position_V"], np.minimum(1.0 + 1e3 * late, 4.0), atol=1e-9)
-
-
-def test_an_accelerometer_reads_what_changes_the_velocity():
-    table = sensed(AccelerationSensor(name="mems"))
     flying = np.flatnonzero((table["velocity_m_s"] < -0.05) & (table["distance_m"] < 3.5e-3))[1:10]
     steps = np.diff(table["velocity_m_s"])[flying - 1] / STEP_S
     between = 0.5 * (table["acceleration_m_s2"][flying] + table["acceleration_m_s2"][flying - 1])
     np.testing.assert_allclose(between, steps, rtol=0.02)  # the trapezium's own error
-
-
-def test_a_pickup_coil_reads_the_mean_voltage_of_the_step_before():
-    """Its flux linkage is a share of the winding's."""
-    table = sensed(search_coil)
-    means = SHARE * np.diff(table["flux_linkage_Wb"]) / STEP_S
+    means = SHARE * np.diff(table["flux_linkage_Wb"]) / STEP_S  # a share of the winding's
     np.testing.assert_allclose(table["pickup_V"][1:], means, atol=1e-3 * np.abs(means).max())
-
-
-def test_the_true_current_is_not_replaced_by_a_sensors_reading():
-    shunt = CurrentSensor(name="shunt", circuit="coil", gain=1.1)
-    np.testing.assert_array_equal(sensed(shunt)["current_A"], sensed()["current_A"])
 
 
 BRIDGES = [{**circuit, "voltage_min_V": -24.0, "drive": {}} for circuit in CIRCUITS]
@@ -138,25 +112,15 @@ def test_two_coupled_coils_of_the_direct_measurement_follow_their_equations(curr
     np.testing.assert_allclose(found[0], whole[:2, :2] @ currents + whole[:2, 2], rtol=1e-9)
 
 
-EFFECTS = [
-    added("eddy_current_lag", ring_share=0.2, diffusion_share=0.1),
-    added("hysteresis", width_medium=0.02),
-    added("sensor_delay", delay_s=1e-3),
-    added("magnet_demagnetisation", loss=0.03),
-    added("viscous_friction", damping_per_s=3.0),
-    added("driver_gain", gain_error=0.03),
-    added("hall_saturation", cubic_loss=0.02),
-]
 DISTANCE_M = 0.024
 
 
 @pytest.mark.parametrize("times", [(), (20e-3, 2e-3)])
 def test_the_plant_follows_a_diode_as_the_open_loop_does(times):
     """The closed loop's steps keep the flux that patterns link where a diode blocks, and let no current turn."""
-    model = replace(solenoid(drive=Drive(diode_V=0.7)), sample_time_s=0.1e-3, motion=Mechanics(1e9, 0.0))
+    model = replace(solenoid(Mechanics(1e9, 0.0), Drive(diode_V=0.7)), sample_time_s=0.1e-3)
     model = with_eddies(model, times) if times else model
-    command = Profile("voltage", np.array([0.0, 0.02]), np.array([12.0, 0.0]))
-    table = simulate(model, drive=command, duration_s=0.04, start_m=4e-3, sample_time_s=0.1e-3).table
+    table = simulate(model, drive=pulse("voltage", 12.0), duration_s=0.04, start_m=4e-3, sample_time_s=0.1e-3).table
     plant = Plant(model)
     state, found, currents = plant.start(np.array([[4e-3, 0.0, 0.0]])), [], []
     for k in range(400):
@@ -169,68 +133,30 @@ def test_the_plant_follows_a_diode_as_the_open_loop_does(times):
     assert currents[-1] < 1e-12  # of patterns that go on, to rounding
 
 
-def a_start(model, runs=3):
-    point = operating_point(model, DISTANCE_M)
-    return np.tile(point.state, (runs, 1)), point
-
-
-@pytest.mark.parametrize("name", ["plain", "effects"])
-def test_a_plant_of_another_force_has_its_motional_constant_scaled_alike(levitation_model, name):
+@pytest.mark.parametrize("effects", [(), ("eddy_current_lag", "magnet_demagnetisation", "driver_gain")])
+def test_a_plant_of_another_force_has_its_motional_constant_scaled_alike(levitation_model, effects):
     """A stronger one falls more slowly, and a factor of one changes nothing."""
-    model, random = levitation_model, np.random.default_rng(2)
-    model = with_effects(model, EFFECTS) if name == "effects" else model
-    stronger, n = with_force_scale(model, 1.1), len(model.circuits)
-    state, volts = random.normal(0.0, 0.05, (4, model.order)), np.full((4, len(model.circuits)), 1.1)
-    state[:, 0], state[:, 2 : 2 + n] = 0.022, 0.4
+    model = usually(levitation_model, *effects)
+    stronger, volts = with_force_scale(model, 1.1), np.full((4, 1), 1.1)
+    state = np.random.default_rng(2).normal(0.0, 0.05, (4, model.order))
+    state[:, [0, 2]] = 0.022, 0.4
     found, same = Plant(stronger).step(state, volts), Plant(model).step(state, volts)
     assert (found[:, 1] < same[:, 1]).all()
     np.testing.assert_allclose(Plant(with_force_scale(model, 1.0)).step(state, volts), same, rtol=1e-9, atol=1e-12)
-    if name == "plain":
-        base, d, i = model.magnetics, state[:, 0], state[:, 2:]
-        np.testing.assert_allclose(stronger.magnetics.force(d, i), 1.1 * base.force(d, i), rtol=1e-14)
-        motional = stronger.magnetics.motional_constant(d, i)
-        np.testing.assert_allclose(motional, 1.1 * base.motional_constant(d, i), rtol=1e-14)
+    if not effects:
+        for part in ("force", "motional_constant"):
+            scaled, plain = (getattr(one.magnetics, part)(state[:, 0], state[:, 2:]) for one in (stronger, model))
+            np.testing.assert_allclose(scaled, 1.1 * plain, rtol=1e-14)
 
 
 def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):
     model = with_eddies(levitation_model, (50e-3, 10e-3))
-    _, point = a_start(model)
     sensors = loop_sensors(model, {"hall": 1e-3}, model.sample_time_s)
-    plant = linear_plant(model, point, sensors)
-    assert plant.A.shape == (5, 5)
-    poles = np.log(np.abs(np.linalg.eigvals(plant.A))) / model.sample_time_s
-    assert (poles > 0.0).sum() == 1  # one is unstable, as without
-    still = linear_plant(levitation_model, operating_point(levitation_model, DISTANCE_M), sensors)
-    grows = np.log(np.abs(np.linalg.eigvals(still.A))).max() / model.sample_time_s
-    # Conducting parts brake what runs away
-    assert 0.0 < poles.max() < grows
-
-
-STEPS = 200
-
-
-def held(truth, believed, kind="ukf", **options):
-    """Errors of the estimate and squared innovations in the second half of 0.1 s at one place, of 6 runs."""
-    start, point = a_start(truth, runs=6)
-    loop = ClosedLoop(
-        Plant(truth),
-        loop_sensors(truth, {"hall": truth.sensor.noise_V}, truth.sample_time_s),
-        SensorErrors(),
-        kalman_filter(believed, kind, commanded=True, **options),
-        (design_backstepping(truth, [point]),),
-        Reference(*np.broadcast_to([[DISTANCE_M], [0.0], [0.0]], (3, STEPS)), np.zeros((STEPS, 1))),
+    braked, still = (
+        linear_plant(one, operating_point(one, DISTANCE_M), sensors).A for one in (model, levitation_model)
     )
-    series = run_loop(loop, start, np.random.default_rng(0))[0].series
-    error = (series.estimated_distance_m - series.distance_m)[STEPS // 2 :]
-    return error, series.normalised_innovation_squared[STEPS // 2 :].mean()
-
-
-def test_a_filter_that_knows_the_effects_is_consistent_and_one_that_does_not_sees_the_body_elsewhere(levitation_model):
-    truth = with_effects(levitation_model, EFFECTS)
-    error, squared = held(truth, truth, hall_bias=False)
-    # 600 innovations: three standard errors are 0.17; the converter's rounding is within the noise
-    assert 0.8 < squared < 1.17
-    assert np.abs(error.mean(axis=0)).mean() < 60e-6
-    ignorant, larger = held(truth, levitation_model, hall_bias=False)
-    assert np.sqrt(np.mean(ignorant**2)) > 3.0 * np.sqrt(np.mean(error**2))
-    assert larger > squared
+    assert braked.shape == (5, 5)
+    moduli = np.abs(np.linalg.eigvals(braked))
+    assert (moduli > 1.0).sum() == 1  # one is unstable, as without
+    # Conducting parts brake what runs away
+    assert 1.0 < moduli.max() < np.abs(np.linalg.eigvals(still)).max()

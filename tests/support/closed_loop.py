@@ -25,7 +25,7 @@ def run(design, experiment, *, runs=4, steps=600, seed=1, supported_steps=300, p
 def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
     """Samples of all runs without any noise but the Hall element's, which the filter acts on."""
     design = design_loop(model)
-    plant = with_effects(design.model, effects) if effects else design.model
+    plant = with_effects(design.model, effects)
     steps = int(seconds / model.sample_time_s)
     path = reference_steps(design.targets_m, steps, model.sample_time_s, design.reference_rate_rad_s)
     loop = ClosedLoop(
@@ -36,25 +36,16 @@ def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
         controllers=(design_backstepping(design.model, design.points),),
         reference=Reference(*path, np.zeros((steps, 1))),
     )
-    start = [design.targets_m[0], 0.0, operating_point(design.model, design.targets_m[0]).currents_A[0]]
-    (result,) = run_loop(
-        loop,
-        np.repeat([start], runs, axis=0),
-        np.random.default_rng(seed),
-        supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
-    )
-    series = result.series
-    pieces = []
+    start = np.tile(operating_point(design.model, design.targets_m[0]).state[:3], (runs, 1))
+    supported = design.steps(SUPPORT_TIME_CONSTANTS)
+    (result,) = run_loop(loop, start, np.random.default_rng(seed), supported_steps=supported)
+    series, rows = result.series, []
+    channels = series.commands[..., 0], series.currents_A[..., 0], series.distance_m, series.readings[..., 0]
     for run in range(runs):
-        known = np.isfinite(series.distance_m[:, run])
-        columns = {
-            "voltage_V": series.commands[known, run, 0],
-            "current_A": series.currents_A[known, run, 0],
-            "distance_m": series.distance_m[known, run],
-            "hall_V": series.readings[known, run, 0],
-        }
-        pieces.append(pd.DataFrame({"run": run + 1.0, "time_s": result.time_s[known], **columns}))
-    return pd.concat(pieces, ignore_index=True)
+        values = [np.full(steps, run + 1.0), result.time_s, *(channel[:, run] for channel in channels)]
+        rows.append(np.stack(values, axis=1)[np.isfinite(series.distance_m[:, run])])
+    names = ["run", "time_s", "voltage_V", "current_A", "distance_m", "hall_V"]
+    return pd.DataFrame(np.concatenate(rows), columns=names)
 
 
 def recorded(samples, seed=0, *, distance_m=1e-5, current_A=1e-3, runs=(1,), converter_A=0.0, lost=0.0):

@@ -9,10 +9,12 @@ from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import DistanceCoordinate, TensorSpline, basis_matrix
 from femfit.model.hall import HallSensor, HallSpline
-from femfit.model.magnetics import CoenergySpline
+from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.validity import Misfit, ValidityBox
 
 REFERENCE_DISTANCE = 0.015
+STEEL = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
+"""What a coil does to a ball of steel, whose current attracts in either direction."""
 
 
 def fitted_spline(function, currents: np.ndarray, current_degree: int) -> TensorSpline:

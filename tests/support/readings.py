@@ -1,15 +1,27 @@
 """Sensors that many tests read, readings of several of a model at once, and what a filter knows before any."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.sensors import predict_sensor, sensor_named, sensors_of
+from support.parts import free
+from support.solenoids import solenoid
 
 LASER = PositionSensor(name="laser", noise=2e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
 LASER_10_V = PositionSensor(
     name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
 )
 """The same noise of 20 um as a voltage through a converter."""
+
+SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
+
+
+def read_by(*sensors):
+    """A solenoid without stops that sensors read every 0.1 ms."""
+    return replace(free(solenoid()), sample_time_s=1e-4, other_sensors=sensors)
+
 
 EVERY_SENSOR = (
     CurrentSensor(name="shunt", noise=1e-3, minimum=-2.0, maximum=2.0, bits=8, circuit="coil", gain=0.99),

@@ -44,6 +44,11 @@ def logs(steps, runs, seed):
     return truth, [series(volts, readings[:, k, 0], readings[:, k, 1]) for k in range(runs)]
 
 
+def changed(record, **columns):
+    """A record with other columns."""
+    return replace(record, rows=record.rows.assign(**columns))
+
+
 def series(volts, current=None, distance=None, segment=0, source="log"):
     """A record as read from a file."""
     columns = {"voltage_V": volts, "current_A": current, "distance_m": distance}

@@ -24,13 +24,8 @@ pytestmark = pytest.mark.nightly
 
 FLASH, RAM, HALT, ROOM = 0x0800_0000, 0x2000_0000, 0x3000_0000, 1 << 20
 
-MATHEMATICS = [
-    "expm1f",
-    "powf",
-    "powf_data",
-    "exp2f_data",
-    *(f"__math_{name}f" for name in ("oflow", "uflow", "xflow", "divzero", "invalid")),
-]
+ERRORS = (f"__math_{name}f" for name in ("oflow", "uflow", "xflow", "divzero", "invalid"))
+MATHEMATICS = ("expm1f", "powf", "powf_data", "exp2f_data", *ERRORS)
 
 PROGRAM = """
 #include "femfit_model.h"
@@ -62,12 +57,10 @@ def program(directory):
     own = [f"-I{libc / 'musl' / name}" for name in ("src/internal", "src/include", "arch/arm", "arch/generic")]
     sources = {"probe.c": strict, "femfit_filter.c": strict, "femfit_arithmetic.c": strict}
     sources |= {str(libc / f"musl/src/math/{name}.c"): ["-w", *own] for name in MATHEMATICS}
-    for name, options in sources.items():
-        run = [*compiler, *headers, *options, "-c", name, "-o", f"{Path(name).stem}.o"]
-        subprocess.run(run, check=True, cwd=directory, timeout=300)
     objects = [f"{Path(name).stem}.o" for name in sources]
-    link = [*compiler, "-Wl,--gc-sections", "-Wl,-T,probe.ld", "-o", "probe.elf", *objects]
-    subprocess.run(link, check=True, cwd=directory, timeout=300)
+    runs = [[*headers, *how, "-c", name, "-o", f"{Path(name).stem}.o"] for name, how in sources.items()]
+    for run in (*runs, ["-Wl,--gc-sections", "-Wl,-T,probe.ld", "-o", "probe.elf", *objects]):
+        subprocess.run([*compiler, *run], check=True, cwd=directory, timeout=300)
     return directory / "probe.elf"
 
 
@@ -124,8 +117,7 @@ CASES = {  # Instructions and bytes of flash, at most
 @pytest.mark.parametrize("label", CASES)
 def test_a_step_on_the_chip(levitation_model, tmp_path, label):
     kind, sensor, effects, most_instructions, most_flash = CASES[label]
-    laser = replace(LASER, name="laser")
-    model = replace(usually(levitation_model, *effects), other_sensors=(laser,))
+    model = replace(usually(levitation_model, *effects), other_sensors=(LASER,))
     export_c(model, tmp_path / "c", (sensor,), kind, "float")
     chip, first = Chip(program(tmp_path / "c")), [0.022, 0.0, 0.4]
     filter_ = kalman_filter(model, kind, sensors=(sensor,))
