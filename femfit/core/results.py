@@ -1,4 +1,4 @@
-"""How results are shown, what is remarked on data, and values that are remembered with their object.
+"""How results are shown, what programs read of them, what is remarked on data, and values remembered with their object.
 
 A remark has a code that programs match, and a sentence that people read.
 
@@ -78,14 +78,6 @@ class Result(Printed):
     ``data`` of its class, and of every record in it, names what they read, as ``name`` or as
     ``name=path.of.attributes``, which ends with None where one of them is None. Where no path leads there, ``data`` is
     a property with names and values. A record without ``data`` is read by its fields.
-
-    >>> @dataclass(frozen=True)
-    ... class Force(Result):
-    ...     data = "force_N=value", "digits=shown.real"
-    ...     value: float
-    ...     shown: int | None = None
-    >>> Force(np.inf).to_dict(), json_ready([Force(2.0, 3)])
-    ({'force_N': inf, 'digits': None}, [{'force_N': 2.0, 'digits': 3}])
     """
 
     finite = False  # Whether NaN and infinity are null in ``to_dict``, too, as they are in every file
@@ -101,7 +93,8 @@ def json_ready(value: Any, *, finite: bool = True) -> Any:
     NaN and infinity, which JSON does not have, are null, unless they need not be finite.
     """
     if is_dataclass(value):
-        value = _read_of(value)
+        data = getattr(value, "data", None) or [field.name for field in fields(value)]
+        value = data if isinstance(data, Mapping) else attributes(value, *data)
     elif isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -113,12 +106,9 @@ def json_ready(value: Any, *, finite: bool = True) -> Any:
     return None if finite and isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _read_of(record: Any) -> Mapping[str, Any]:
-    """What programs read of a record, by its names."""
-    data = getattr(record, "data", None) or [field.name for field in fields(record)]
-    if isinstance(data, Mapping):
-        return data
-    named = (entry.partition("=") for entry in data)
+def attributes(record: Any, *entries: str) -> dict[str, Any]:
+    """Attributes of a record by their names, as ``data`` has its entries."""
+    named = (entry.partition("=") for entry in entries)
     return {name: reduce(_attribute, (path or name).split("."), record) for name, _, path in named}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.results import Finding, Result
+from femfit.core.results import Finding, Result, attributes
 from femfit.integrate.feed_forward import SETTLING_S, STILL_A, PlateauIntegrator, ZeroReadingIntegrator
 from femfit.integrate.field_of_current import FieldModel, precycled
 from femfit.integrate.integrator import Integrator
@@ -165,13 +165,5 @@ class CoilIntegral(Result):
     @property
     def end(self) -> dict[str, Any]:
         """The quantity at the record's end."""
-        return {
-            "time_s": self.end_s,
-            "value": self.value,
-            "standard_uncertainty": self.standard_uncertainty,
-            "expanded_uncertainty": self.expanded_uncertainty,
-            "coverage_factor": self.coverage,
-            "parts": self.parts,
-            "offset_V": self.offset_V,
-            "refuted_by": self.refuted_by,
-        }
+        uncertainty = "standard_uncertainty", "expanded_uncertainty", "coverage_factor=coverage"
+        return attributes(self, "time_s=end_s", "value", *uncertainty, "parts", "offset_V", "refuted_by")

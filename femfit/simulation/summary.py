@@ -14,7 +14,7 @@ import pandas as pd
 
 from femfit.core.files import LOOP, path_of, require_outputs
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Plotted, Result
+from femfit.core.results import Finding, Plotted, Result, attributes
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand, consistency_band
 from femfit.simulation.constants import UNCERTAIN
@@ -30,12 +30,8 @@ from femfit.simulation.words import finding, sentence
 def design_data(design: LoopDesign, loops: Sequence[JudgedLoop]) -> dict[str, Any]:
     """What programs read of reference, gains, margins and operating points."""
     pid, feedback = (None if design.why_no(name) else design.controller(name) for name in ("pid", "state-feedback"))
-    return {
-        "sensors": design.sensors,
-        "noise": design.noise,
-        "latency_samples": design.latency,
-        "targets_m": design.targets_m,
-        "reference_rate_rad_s": design.reference_rate_rad_s,
+    facts = attributes(design, "sensors", "noise", "latency_samples=latency", "targets_m", "reference_rate_rad_s")
+    return facts | {
         "backstepping": design.controller("backstepping"),
         "pid": pid,
         "no_pid": design.why_no("pid"),
@@ -273,10 +269,5 @@ class ClosedLoopStudy(Plotted, Result):
     @property
     def data(self) -> dict[str, Any]:
         """What programs read, without time series."""
-        return {
-            "model": self.design.model.name,
-            "seed": self.seed,
-            "no_direct": self.design.why_no_direct,
-            **design_data(self.design, self._judged),
-            "steps": self.steps,
-        }
+        facts = attributes(self, "model=design.model.name", "seed", "no_direct=design.why_no_direct")
+        return facts | design_data(self.design, self._judged) | {"steps": self.steps}
