@@ -50,8 +50,8 @@ import femfit as ff
 
 These names are all that femfit promises. `import femfit` is quick: a name loads its part of femfit when it is first
 used. Files are given as `str` or `Path`, options are keywords, and randomness is `rng` (a seed or a numpy generator).
-Each result prints the lines that the command prints with `--verbose`, and shows itself in a notebook. Scripts need no
-`__main__` guard.
+Each result prints the lines that the command prints with `--verbose`, and shows itself in a notebook; where the command
+writes `--json`, `result.to_dict()` holds what is in that file of the result. Scripts need no `__main__` guard.
 
 femfit's matrices are small, and threads inside of them only wait for each other on a busy machine. While one of these
 functions works, the process has one thread for linear algebra, and your setting again after it.

@@ -1,12 +1,11 @@
 """What an audit concludes, as it is printed and as JSON; the words stand in ``templates/audit.j2``."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Literal
 
-from femfit.core.files import json_ready
-from femfit.core.results import Printed, Words
+from femfit.core.results import Result, Words
 from femfit.core.text import rounded
 from femfit.device.electrics import REMEDY
 from femfit.fit.words import note
@@ -25,6 +24,8 @@ _SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")
 class AuditFinding:
     """One conclusion of an audit."""
 
+    data = "code", "severity", "about", "stated", "recomputed", "numbers", "sentence"
+
     code: str
     # ``holds``: recomputed and right; ``stated``: the file says it and nothing was at hand to recompute it from;
     # ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic
@@ -42,8 +43,10 @@ class AuditFinding:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Audit(Printed):
+class Audit(Result):
     """All conclusions of an audit."""
+
+    finite = True
 
     findings: tuple[AuditFinding, ...]
 
@@ -55,7 +58,3 @@ class Audit(Printed):
         """The lines that ``femfit audit`` prints: the count, then what is wrong first."""
         ordered = [finding for severity in _SEVERITIES for finding in self.findings if finding.severity == severity]
         return words("audit", "audit", self.count, ordered)
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return {"findings": [json_ready(asdict(finding)) | {"sentence": finding.sentence} for finding in self.findings]}

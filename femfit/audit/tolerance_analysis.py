@@ -8,16 +8,15 @@ independent numbers, the first-order and the total share are both (slope x stand
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from femfit.audit.conclusions import words
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Printed
+from femfit.core.results import Result
 from femfit.core.text import amount
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
@@ -37,7 +36,7 @@ class NumberShare:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ToleranceAnalysis(Printed):
+class ToleranceAnalysis(Result):
     """A quantity at one point of the sweep, and how a series of devices scatters about it.
 
     Parameters
@@ -61,10 +60,6 @@ class ToleranceAnalysis(Printed):
     value: float
     scatter: float
     shares: tuple[NumberShare, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return asdict(self)
 
     def __str__(self) -> str:
         return words("tolerance", "tolerance", self, SHOWN)

@@ -71,7 +71,7 @@ def import_fem(
     from femfit.tables.femm.read import import_fem_file
 
     imported = import_fem_file(model, FemOptions(**options))
-    return Outcome(imported, imported.as_dict(), [(output, partial(write_text, text=imported.toml))])
+    return Outcome(imported, files=[(output, partial(write_text, text=imported.toml))])
 
 
 @command("File for the result as JSON, with the thermal network.")

@@ -85,10 +85,10 @@ def simulate(
             shown: dict[str, Any] = {"progress": lambda stage, done, total: show(done, total, stage)}
             if not (looped or csv or picture):
                 study = closed_loop_study(actuator, seed, **sensed, **shown)
-                return Outcome(study, study.data())
+                return Outcome(study)
             recorded = 10 if csv is not None else 0 if picture is None else 1
             result = ff.close_loop(actuator, **loop, **sensed, **shown, runs=runs or 1, rng=seed, recorded=recorded)
-        data = {"seed": seed, **result.data()}
+        data = {"seed": seed, **result.to_dict()}
     return Outcome(result, data, [(csv, result.write_csv), (picture, partial(write_picture, result.plot))])
 
 

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from femfit.core.errors import FemfitError, OutputError, TableError, UsageError
+from femfit.core.results import json_ready
 from femfit.core.text import quoted
 
 
@@ -81,19 +82,8 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> None:
-    """Write strict JSON, whole or not at all; its directory is made, and what is no finite number is null."""
+    """Write strict JSON, whole or not at all; its directory is made. Results and other records may be in it."""
     write_text(path, json.dumps(json_ready(data), indent=1, allow_nan=False) + "\n")
-
-
-def json_ready(value: Any) -> Any:
-    """Tuples as lists, and NaN and infinity, which JSON does not have, as null."""
-    if isinstance(value, Mapping):
-        return {key: json_ready(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_ready(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def path_of(value: object, what: str) -> Path:

@@ -1,4 +1,4 @@
-"""How results are shown, what is remarked on data, and values that are remembered with their object.
+"""How results are shown, what programs read of them, what is remarked on data, and values remembered with their object.
 
 A remark has a code that programs match, and a sentence that people read.
 
@@ -8,13 +8,15 @@ A paragraph is one printed line, however it is broken; ``>`` before it stands fo
 the blanks of a column.
 """
 
+import math
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property, wraps
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property, reduce, wraps
 from html import escape
 from importlib import import_module
+from pathlib import PurePath
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, cast
 from weakref import WeakKeyDictionary
@@ -71,6 +73,50 @@ class Plotted(Printed):
             return figures[figure or next(iter(figures))]()
 
 
+class Result(Printed):
+    """A result that programs read, too.
+
+    ``data`` of its class, and of every record in it, names what they read, as ``name`` or as
+    ``name=path.of.attributes``, which ends with None where one of them is None. Where no path leads there, ``data`` is
+    a property with names and values. A record without ``data`` is read by its fields.
+    """
+
+    finite = False  # Whether NaN and infinity are null in ``to_dict``, too, as they are in every file
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return cast("dict[str, Any]", json_ready(self, finite=self.finite))
+
+
+def json_ready(value: Any, *, finite: bool = True) -> Any:
+    """What JSON can hold of a value: records as mappings, tuples and arrays as lists, paths as texts.
+
+    NaN and infinity, which JSON does not have, are null, unless they need not be finite.
+    """
+    if is_dataclass(value):
+        data = getattr(value, "data", None) or [field.name for field in fields(value)]
+        value = data if isinstance(data, Mapping) else attributes(value, *data)
+    elif isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {key: json_ready(item, finite=finite) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(item, finite=finite) for item in value]
+    if isinstance(value, PurePath):
+        return str(value)
+    return None if finite and isinstance(value, float) and not math.isfinite(value) else value
+
+
+def attributes(record: Any, *entries: str) -> dict[str, Any]:
+    """Attributes of a record by their names, as ``data`` has its entries."""
+    named = (entry.partition("=") for entry in entries)
+    return {name: reduce(_attribute, (path or name).split("."), record) for name, _, path in named}
+
+
+def _attribute(value: Any, name: str) -> Any:
+    return None if value is None else getattr(value, name)
+
+
 Severity = Literal["info", "warning", "error"]
 
 
@@ -97,10 +143,6 @@ class Finding:
     def accepted(self) -> "Finding":
         """Return the same finding as a warning, for a user who accepts it."""
         return replace(self, severity="warning", text=f"{self.text} (accepted)")
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields as a dictionary for JSON."""
-        return asdict(self)
 
 
 def listing(items: Iterable[object], limit: int = 8) -> str:

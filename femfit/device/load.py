@@ -3,7 +3,6 @@
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,8 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
-from femfit.core.files import json_ready, path_of
+from femfit.core.files import path_of
+from femfit.core.results import json_ready
 from femfit.device.complaints import DrawnTables, MistakeError, Reading, in_file, read_table, read_tables, translated
 from femfit.device.drawing import DrawnPart, check_parts, read_parts
 from femfit.device.keys import converted, scaled
@@ -141,7 +141,7 @@ def starter_text(name: str, title: str | None = None) -> str:
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
     """The manifest's ``actuator`` entry: circuits, motion, sensors, and what kind of actuator it is."""
-    record, supplied, kind = json_ready(asdict(actuator)), {}, {}
+    record, supplied, kind = json_ready(actuator), {}, {}
     names = "name", "description", "sample_time_s", "reference_distances_m", "circuits", "mechanics", "sensors"
     if len(actuator.circuits) == 1 and actuator.supplies_V:  # as measured tables without a drawing have it, too
         limits = "resistance_ohm", "voltage_min_V", "voltage_max_V"
@@ -153,7 +153,7 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         **{name: record[name] for name in names},
         "mass_kg": actuator.mechanics.mass_kg,
         **supplied,
-        "hall": None if actuator.hall is None else asdict(actuator.hall),
+        "hall": json_ready(actuator.hall),
         "coils": [{"name": coil.name, "turns": coil.turns, "moves": coil.moves} for coil in actuator.coils],
         "kind": {**kind, "coil": bool(actuator.coils), "saturates": actuator.saturates},
     }

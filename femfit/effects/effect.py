@@ -328,6 +328,8 @@ def effect_of(
 class AddedEffect:
     """An effect with its parameters, as it stands in a model."""
 
+    data = "name=effect.name", "parameters", "ci95"
+
     effect: Effect
     parameters: Parameters
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals, where they were estimated

@@ -15,7 +15,7 @@ section 5.4 (likelihood of the innovations).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,13 +61,11 @@ class NoiseEstimate:
 class FoundNoise:
     """All noises of a record."""
 
+    data = "estimates", "samples"
+
     estimates: tuple[NoiseEstimate, ...]
     samples: int
     force_N: float | None  # Force error that the acceleration noise amounts to
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return {"estimates": [vars(estimate) for estimate in self.estimates], "samples": self.samples}
 
 
 def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:

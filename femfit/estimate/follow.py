@@ -13,7 +13,6 @@ R. K. Mehra, On the identification of variances and adaptive Kalman filtering, I
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -51,6 +50,11 @@ Of 600 records of two sensors whose noise was guessed, which adds scatter, 116 l
 @dataclass(frozen=True, eq=False)
 class Innovations:
     """Of one sensor: mean square of the normalised innovations, which should be 1, and their autocorrelation."""
+
+    data = (
+        *("sensor", "unit", "count", "rms", "mean_square", "correlation_band", "consistent", "white"),
+        *("band=band.limits", "autocorrelation"),
+    )
 
     sensor: str
     unit: str
@@ -91,14 +95,6 @@ class Innovations:
     def worst_lag(self) -> int:
         """Of the largest autocorrelation in magnitude, in samples."""
         return 1 + int(np.argmax(np.abs(self.autocorrelation)))
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        names = ("sensor", "unit", "count", "rms", "mean_square", "correlation_band", "consistent", "white")
-        return {name: getattr(self, name) for name in names} | {
-            "band": [self.band.lower, self.band.upper],
-            "autocorrelation": self.autocorrelation.tolist(),
-        }
 
 
 def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: FloatArray) -> Innovations | None:
@@ -172,6 +168,8 @@ def replay(filter_: Filter, record: Prepared, resting: Filter) -> Replayed:
 class OneFilter:
     """A record as one filter saw it."""
 
+    data = "name", "trusted", "cautious", "lost_at_s", "states=built.process.names", "innovations", "beside"
+
     name: str
     built: Filter
     noise: FilterNoise  # That it was given
@@ -211,18 +209,6 @@ class OneFilter:
         ratio = self.replayed.innovation**2 / self.replayed.variance
         ratio = ratio[np.isfinite(ratio)]
         return float(ratio.mean()) if len(ratio) else float("nan")
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without the series."""
-        return {
-            "name": self.name,
-            "trusted": self.trusted,
-            "cautious": self.cautious,
-            "lost_at_s": self.lost_at_s,
-            "states": list(self.built.process.names),
-            "innovations": [sensor.to_dict() for sensor in self.innovations],
-            "beside": [vars(channel) for channel in self.beside],
-        }
 
 
 def followed(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:

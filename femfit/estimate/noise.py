@@ -94,6 +94,11 @@ class ConsistencyBand:
     lower: float
     upper: float
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lower and upper."""
+        return self.lower, self.upper
+
     def contains(self, value: float) -> bool:
         """Whether a mean lies in the band; NaN does not."""
         return self.lower <= value <= self.upper

@@ -3,14 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import FilterError, TableError
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Plotted
+from femfit.core.results import Finding, Plotted, Result
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED
 from femfit.estimate.find_noise import FoundNoise, find_noise
 from femfit.estimate.follow import FILTERS, OneFilter, follow
@@ -28,7 +27,7 @@ NO_NOISE_FOUND = finding("no-noise-found", least=LEAST_JUDGED)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Observation(Plotted):
+class Observation(Plotted, Result):
     """A recorded log as filters saw it.
 
     Examples
@@ -39,6 +38,8 @@ class Observation(Plotted):
     >>> seen.filters[0].name
     'ukf'
     """
+
+    data = "source", "samples=time_s.size", "sensors", "filters", "noise", "findings=remarks"
 
     model: ActuatorModel
     source: str
@@ -65,16 +66,10 @@ class Observation(Plotted):
                 columns[f"{run.name}_innovation_{output.name}"] = ratio
         return pd.DataFrame(columns)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The result as JSON-ready data, without the series."""
-        return {
-            "source": self.source,
-            "samples": len(self.time_s),
-            "sensors": list(self.sensors),
-            "filters": [run.to_dict() for run in self.filters],
-            "noise": None if self.noise is None else self.noise.to_dict(),
-            "findings": [str(finding) for finding in self.findings],
-        }
+    @property
+    def remarks(self) -> list[str]:
+        """The findings in words."""
+        return [str(finding) for finding in self.findings]
 
 
 def observe(

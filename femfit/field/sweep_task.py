@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from femfit.core.errors import FemfitError, FieldSolverError
-from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
 from femfit.core.processes import ProcessPool, kept_interrupts, process_pool
+from femfit.core.results import json_ready
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout, layout_of, stretch_groups
@@ -172,7 +172,7 @@ class DistanceTask:
             result["choice"] = choice
         if self.numbers:
             slopes = problem.signatures(self.distance, currents, self.numbers)
-            result["signatures"] = json_ready(slopes.tolist())
+            result["signatures"] = json_ready(slopes)
         return result
 
 

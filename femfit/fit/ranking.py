@@ -13,7 +13,7 @@ are a thousand times its armature's weight).
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -142,13 +142,18 @@ def middles(axis: FloatArray, place: float) -> FloatArray:
 class Candidate:
     """A law and its error on rows left out."""
 
+    data = (
+        *("law=law.name", "formula=law.formula", "held_out_rms", "rms", "misfit", "operations=fit.operations"),
+        *("parameters", "functions=fit.functions", "failure"),
+    )
+
     law: ForceLaw
     fit: LawFit | None = None  # To all rows; None where the law could not be fitted
     misfit: Misfit | None = None  # The law's, as a model file would hold it, to all rows
     held_out_rms: float = np.inf  # Error on the rows left out, as a part of the weight (or of the rms force)
     rms: float = np.inf  # Rms force error as written, on all rows, over the same scale
     parameters: int = 0
-    failure: str = ""  # Why it could not be fitted, or empty
+    failure: str | None = None  # Why it could not be fitted
 
     @property
     def error(self) -> float:
@@ -160,33 +165,13 @@ class Candidate:
 class Ranking:
     """Candidates, the smallest error first."""
 
+    data = "of", "target", "recommended=recommended.law.name", "reached", "candidates"
+    target = constants.TARGET
+
     candidates: tuple[Candidate, ...]
     recommended: Candidate  # The cheapest within :data:`TARGET`, or else the best
     reached: bool  # Whether the recommended one is within the target
     of: str  # What the errors are a part of: ``weight`` or ``rms force``
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, best first; null in place of what a law that could not be fitted does not have."""
-        return {
-            "of": self.of,
-            "target": constants.TARGET,
-            "recommended": self.recommended.law.name,
-            "reached": self.reached,
-            "candidates": [
-                {
-                    "law": c.law.name,
-                    "formula": c.law.formula,
-                    "held_out_rms": c.held_out_rms if c.fit else None,
-                    "rms": c.rms if c.fit else None,
-                    "misfit": asdict(c.misfit) if c.misfit else None,
-                    "operations": c.fit.operations if c.fit else None,
-                    "parameters": c.parameters,
-                    "functions": list(c.fit.functions) if c.fit else None,
-                    "failure": c.failure or None,
-                }
-                for c in self.candidates
-            ],
-        }
 
 
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
@@ -195,7 +180,7 @@ def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
     candidates = ranked([_candidate(law, rows, folds) for law in laws], lambda c: -c.error)
     fitted = [c for c in candidates if c.fit is not None]
     if not fitted:
-        reasons = dict.fromkeys(candidate.failure for candidate in candidates)
+        reasons = dict.fromkeys(str(candidate.failure) for candidate in candidates)
         raise FitError(f"No law could be fitted. {' '.join([*reasons][:3])}")
     cost = {c.fit.operations: c for c in reversed(candidates) if c.fit and c.error <= constants.TARGET}
     recommended = cost[min(cost)] if cost else fitted[0]

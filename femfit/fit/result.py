@@ -1,11 +1,11 @@
 """What a fit gives: the model, how it came about, and both as text and JSON-ready data."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.results import Plotted
+from femfit.core.results import Plotted, Result
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.constants import DOMAIN_GRID
@@ -48,7 +48,7 @@ class Fits:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FitResult(Plotted, Fits):
+class FitResult(Plotted, Result, Fits):
     """A model and how it came about.
 
     Parameters
@@ -79,6 +79,8 @@ class FitResult(Plotted, Fits):
     emaws-rig: the co-energy misses the force by ... % rms at the 50 points of its table; valid from ...
     """
 
+    finite = True
+
     model: ActuatorModel
     hall: HallFit | None
     rows: FitRows
@@ -103,19 +105,20 @@ class FitResult(Plotted, Fits):
         known = self.model.circuit is not None or self.rows.flux_linkage is not None
         return {"motional_constant": constant, "inductance": inductance if known else None}
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data: for ``--json`` and the model's provenance."""
+    @property
+    def data(self) -> dict[str, Any]:
+        """What programs read, in the model's provenance, too."""
         between = self.misfit.between
         return {
             "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
-            "misfit": asdict(self.misfit),
+            "misfit": self.misfit,
             "coenergy": _coenergy_data(self.coenergy) if self.coenergy else None,
             "law": _law_data(self.law) if self.law else None,
             "network": {"operations": OPERATIONS, "left_out_of_rms": self.network.left_out} if self.network else None,
-            "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
-            "ranking": self.ranking.to_dict() if self.ranking else None,
-            "hall": None if self.hall is None else self.hall.to_dict(),
+            "circuits": self.circuits.magnetics.names if self.circuits else None,
+            "ranking": self.ranking,
+            "hall": self.hall,
             "finer_sweep": between and {"distance_m": between.finer_distance_m, "current_A": between.finer_current_A},
             "notes": [*self.of_data, *self.notes],
         }
@@ -128,8 +131,8 @@ def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
         "current_degree": fit.basis.functions.degrees[0],
         "held_out_relative_rms": fit.held_out,
         "left_out_force_rms_N": rms(fit.left_out["force"]),
-        "constraints": list(fit.constraints),
-        "active": list(fit.active),
+        "constraints": fit.constraints,
+        "active": fit.active,
         "condition_scaled": fit.qp.condition_scaled,
     }
 
@@ -139,13 +142,13 @@ def _law_data(fit: LawFit) -> dict[str, Any]:
         "name": fit.law.name,
         "formula": fit.law.formula,
         "operations": fit.operations,
-        "shape": dict(fit.shape),
-        "shape_interval95": {name: list(ends) for name, ends in fit.shape_interval.items()},
+        "shape": fit.shape,
+        "shape_interval95": fit.shape_interval,
         "functions": dict(zip(fit.law.basis, fit.functions, strict=True)),
         "terms": [
             {"column": c.basis, "current_power": c.current_power, "value": c.value, "interval95": interval}
             for c, interval in zip(fit.coefficients, fit.interval.tolist(), strict=True)
         ],
-        "active": list(fit.active),
+        "active": fit.active,
         "condition_scaled": fit.joint.condition_scaled,
     }

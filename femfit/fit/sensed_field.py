@@ -17,7 +17,6 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -124,6 +123,11 @@ def _fitted(
 class HallFit:
     """A fitted Hall characteristic."""
 
+    data = (
+        *("rms_T", "max_T", "coil_slope_T_per_A", "magnet_field_T", "held_out_of_range=held_out"),
+        "coefficients=field.spline.coefficients.size",
+    )
+
     field: HallSpline
     basis: CoenergyBasis
     rms_T: float
@@ -132,12 +136,6 @@ class HallFit:
     # Least and largest dB/di over the sweep; their difference is the magnet's own permeability
     coil_slope_T_per_A: tuple[float, float]
     magnet_field_T: tuple[float, float]  # B without current at the largest and the least distance
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without the field."""
-        numbers = {name: value for name, value in vars(self).items() if name not in {"field", "basis", "held_out"}}
-        coefficients = int(self.field.spline.coefficients.size)
-        return {**numbers, "held_out_of_range": self.held_out, "coefficients": coefficients}
 
 
 def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:

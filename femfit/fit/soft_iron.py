@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 from femfit.core.errors import FitError
 from femfit.core.graph import Expression, GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.core.results import Printed
+from femfit.core.results import Result
 from femfit.core.text import amount, counted
 from femfit.fit import constants
 from femfit.fit.bounded_qp import non_negative
@@ -44,7 +44,7 @@ from femfit.tables.measurement import InductanceTable
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class InductanceFit(Printed):
+class InductanceFit(Result):
     """A model and how far it is from the inductances."""
 
     model: ActuatorModel
@@ -55,8 +55,9 @@ class InductanceFit(Printed):
     notes: tuple[str, ...]  # What the model lacks, and how to give it
     of_data: tuple[str, ...] = ()  # What was left out of the table or converted
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without the model."""
+    @property
+    def data(self) -> dict[str, Any]:
+        """What programs read, without the model."""
         return {"rows": self.rows, "rms_H": self.rms_H, "max_H": self.max_H, "notes": [*self.of_data, *self.notes]}
 
     def __str__(self) -> str:

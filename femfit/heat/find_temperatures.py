@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import MissingPartError, UsageError
-from femfit.core.files import json_ready
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Printed, Words
+from femfit.core.results import Result, Words
 from femfit.core.text import rounded
 from femfit.device.load import read_actuator
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial
@@ -41,7 +39,7 @@ class MagnetWarmth:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Temperatures(Printed):
+class Temperatures(Result):
     """Where a drawing's parts settle; numbers are NaN where they do not.
 
     Parameters
@@ -74,6 +72,14 @@ class Temperatures(Printed):
     >>> ff.find_temperatures("rig.toml", current_A=0.8).limiting
     'coil'
     """
+
+    finite = True
+    data = (
+        *("names", "count", "distance_m", "temperatures_C", "hottest_C", "volts", "cold_currents_A", "currents_A"),
+        *("cold_resistances_ohm", "resistances_ohm", "heat_W", "settling_s", "limit_s", "allowed_factor", "limiting"),
+        *("allowed_A", "capacities_J_per_K=network.capacities", "conductances_W_per_K=network.between"),
+        *("outwards_W_per_K=network.outwards", "magnets", "thermal=surroundings", "settles", "lasts", "at_limit"),
+    )
 
     names: tuple[str, ...]
     count: int
@@ -119,22 +125,6 @@ class Temperatures(Printed):
     def windings_C(self) -> FloatArray:  # noqa: N802  the unit
         """Mean temperatures of the windings."""
         return self.temperatures_C[: self.count]
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        left_out = {"network", "magnets", "at_limit", "surroundings"}
-        data = {name: value for name, value in vars(self).items() if name not in left_out}
-        arrays = data | {
-            "allowed_A": self.allowed_A,
-            "capacities_J_per_K": self.network.capacities,
-            "conductances_W_per_K": self.network.between,
-            "outwards_W_per_K": self.network.outwards,
-        }
-        plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in arrays.items()}
-        of_parts = {"magnets": [vars(magnet) for magnet in self.magnets], "thermal": vars(self.surroundings)}
-        outcome = {"settles": self.settles, "lasts": self.lasts, "at_limit": self.at_limit and self.at_limit.to_dict()}
-        result: dict[str, Any] = json_ready({**plain, **of_parts, **outcome})
-        return result
 
     def __str__(self) -> str:
         return words("heat", "printed", self)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.core.results import Finding, Plotted
+from femfit.core.results import Finding, Plotted, Result
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
 from femfit.estimate.follow import followed
@@ -25,7 +25,7 @@ from femfit.identify.misfit import ErrorFall, beyond_noise, error_fall
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit, is_plausible, refit
-from femfit.identify.words import Result, plain, printed
+from femfit.identify.words import printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import Measurement, TimeSeries, channel_words
 
@@ -84,7 +84,7 @@ class AddResult(Plotted, Result):
     True
     """
 
-    data = (
+    _OF_ALL = (
         *("added", "kept", "left_out", "floor", "floor_source", "readings", "runs"),
         *("suspicious", "lack_of_fit_before", "lack_of_fit_after", "findings", "accepted", "beyond_noise", "filter"),
         *("objections", "error_fall=fall", "coil_temperature_C=model.coil_temperature_C"),
@@ -150,11 +150,15 @@ class AddResult(Plotted, Result):
         channels = self.fall.channels
         return tuple(c.channel for c in channels if self.left_out[c.channel] > HARMS * c.rms_before)
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without the model."""
-        learnt = {"parts": plain(self.parts), "fall_unseen": self.fall_unseen}
-        of_remainder = {"remainder": learnt, "beside": plain(self.beside)} if self.parts is not None else {}
-        return super().to_dict() | of_remainder
+    @property
+    def data(self) -> tuple[str, ...]:
+        """What programs read, without the model; of a remainder what it was learnt beside, too."""
+        return self._OF_ALL if self.parts is None else (*self._OF_ALL, "remainder", "beside")
+
+    @property
+    def remainder(self) -> dict[str, Any]:
+        """What was learnt beyond effects."""
+        return {"parts": self.parts, "fall_unseen": self.fall_unseen}
 
     def __str__(self) -> str:
         text = printed("add", r=self) if self.parts is None else printed("remainder", r=self, words=PARTS)

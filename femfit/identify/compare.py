@@ -7,7 +7,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from femfit.core.results import Finding, Plotted
+from femfit.core.results import Finding, Plotted, Result
 from femfit.estimate.follow import OneFilter, followed
 from femfit.identify.bench import measurement_of, placed
 from femfit.identify.constants import WITHIN_NOISE
@@ -19,7 +19,7 @@ from femfit.identify.misfit import allowed, beyond_noise, sweep_words
 from femfit.identify.noise.components import estimate_noise, noise_by_smoothness
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
-from femfit.identify.words import Result, printed
+from femfit.identify.words import printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement, TimeSeries

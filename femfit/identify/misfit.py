@@ -68,8 +68,9 @@ class ErrorFall:
     def __str__(self) -> str:
         return "\n".join(str(channel) for channel in self.channels)
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, channel by channel, with the errors over the noise."""
+    @property
+    def data(self) -> dict[str, Any]:
+        """Channel by channel, with the errors over the noise."""
         names = ("readings", "rms_before", "rms_after", "noise", "before_over_noise", "after_over_noise")
         return {
             channel.channel: {name: getattr(channel, name) for name in names}

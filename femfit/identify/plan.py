@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.numerics import ROUNDING, FloatArray
+from femfit.core.results import Result
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
@@ -33,7 +34,7 @@ from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Start, fitted_together, refit
 from femfit.identify.signatures import testable_columns
-from femfit.identify.words import Result, printed, sentence
+from femfit.identify.words import printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.header import parts_of
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable

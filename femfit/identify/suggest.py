@@ -17,6 +17,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import NORMAL_95, FloatArray
+from femfit.core.results import Result
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import TEMPERATURES, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Calibration
@@ -32,7 +33,7 @@ from femfit.identify.plausible import plausible_table
 from femfit.identify.refit import Refit, Start, starting_point
 from femfit.identify.settings import currents_in, with_currents
 from femfit.identify.signatures import columns_at
-from femfit.identify.words import Result, printed, sentence
+from femfit.identify.words import printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings

@@ -3,16 +3,10 @@
 In a template a paragraph is one printed line, however it is broken; ``>`` before it stands for two blanks each.
 """
 
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any
 
-import numpy as np
-
-from femfit.core.results import Printed, Words, constants_of, lines_of
+from femfit.core.results import Words, constants_of, lines_of
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
-from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of
 from femfit.identify import constants
 from femfit.tables.measurement import channel_words
@@ -47,36 +41,6 @@ def sentence(template: str, macro: str, *facts: Any) -> str:
 
 
 finding = _WORDS.finding
-
-
-class Result(Printed):
-    """A result as words and as data.
-
-    ``data`` names what programs read of a dataclass, as ``name`` or as ``name=path.of.attributes``; all of it where it
-    is empty.
-    """
-
-    data: ClassVar[tuple[str, ...]] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        named = (entry.partition("=") for entry in self.data or vars(self))
-        return {name: plain(attrgetter(path or name)(self)) for name, _, path in named}
-
-
-def plain(value: Any) -> Any:
-    """What JSON can hold of a value: records by their fields, an effect by its name and parameters."""
-    if hasattr(value, "to_dict"):
-        return value.to_dict()
-    if isinstance(value, AddedEffect):
-        return plain({"name": value.effect.name, "parameters": value.parameters, "ci95": value.ci95})
-    if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def printed(template: str, **facts: Any) -> str:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, pairwise
 from json import dumps
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,7 +17,7 @@ from scipy.integrate import cumulative_trapezoid
 from femfit.core.errors import TableError
 from femfit.core.files import BENCH, NOTES, replacing, require_outputs
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding, Result
 from femfit.effects.conditions import Conditions
 from femfit.integrate.record_watch import RecordWatch, sentence
 from femfit.integrate.uncertainty import white_sigma
@@ -72,12 +71,14 @@ class PlateauFlux:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BenchFlux(Printed):
+class BenchFlux(Result):
     """A bench table, a row a plateau, whose flux linkage was integrated from a coil's voltage.
 
     ``noise_Wb`` is the standard uncertainty of a row's flux linkage from the voltage's noise, rms over the rows;
     ``notes`` say what was done, and what the noise leaves out.
     """
+
+    data = "rows=rows.index.size", "noise_Wb", "notes", "findings", "output", "sidecar"
 
     rows: pd.DataFrame = field(repr=False)
     noise_Wb: float
@@ -86,19 +87,13 @@ class BenchFlux(Printed):
     output: Path | None
 
     def __str__(self) -> str:
-        files = () if self.output is None else (self.output, self.output.with_suffix(".toml"))
+        files = () if self.output is None else (self.output, self.sidecar)
         return sentence("integral", "bench", self, ", ".join(map(str, files)))
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready, without the rows."""
-        return {
-            "rows": len(self.rows),
-            "noise_Wb": self.noise_Wb,
-            "notes": self.notes,
-            "findings": [remark.as_dict() for remark in self.findings],
-            "output": None if self.output is None else str(self.output),
-            "sidecar": None if self.output is None else str(self.output.with_suffix(".toml")),
-        }
+    @property
+    def sidecar(self) -> Path | None:
+        """The file beside the output, with noise and notes."""
+        return self.output and self.output.with_suffix(".toml")
 
 
 def make_bench_table(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.results import Finding, Printed
+from femfit.core.results import Finding, Result, attributes
 from femfit.integrate.feed_forward import SETTLING_S, STILL_A, PlateauIntegrator, ZeroReadingIntegrator
 from femfit.integrate.field_of_current import FieldModel, precycled
 from femfit.integrate.integrator import Integrator
@@ -97,7 +97,7 @@ def integrate_blocks(integrator: Integrator, blocks: Iterable[CoilBlock]) -> Ite
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CoilIntegral(Printed):
+class CoilIntegral(Result):
     """What integrating a coil's voltage gave.
 
     Parameters
@@ -120,6 +120,8 @@ class CoilIntegral(Printed):
     >>> round(1e6 * integral.offset_V), list(integral.rows)[-1]
     (10, 'offset_V')
     """
+
+    data = "record", "method", "quantity", "samples", "sample_time_s", "end", "findings", "output", "seconds"
 
     record: str
     method: Method
@@ -160,21 +162,8 @@ class CoilIntegral(Printed):
     def __str__(self) -> str:
         return sentence("integral", "coil", self, "coil" if self.method in FEED_FORWARD else "reference")
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready, without the rows."""
-        of_record = ("record", "method", "quantity", "samples", "sample_time_s")
-        return {name: getattr(self, name) for name in of_record} | {
-            "end": {
-                "time_s": self.end_s,
-                "value": self.value,
-                "standard_uncertainty": self.standard_uncertainty,
-                "expanded_uncertainty": self.expanded_uncertainty,
-                "coverage_factor": self.coverage,
-                "parts": self.parts,
-                "offset_V": self.offset_V,
-                "refuted_by": list(self.refuted_by),
-            },
-            "findings": [finding.as_dict() for finding in self.findings],
-            "output": None if self.output is None else str(self.output),
-            "seconds": self.seconds,
-        }
+    @property
+    def end(self) -> dict[str, Any]:
+        """The quantity at the record's end."""
+        uncertainty = "standard_uncertainty", "expanded_uncertainty", "coverage_factor=coverage"
+        return attributes(self, "time_s=end_s", "value", *uncertainty, "parts", "offset_V", "refuted_by")

@@ -29,8 +29,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, get_args, g
 import numpy as np
 
 from femfit.core.errors import ModelFileError
-from femfit.core.files import finite_number, json_ready
+from femfit.core.files import finite_number
 from femfit.core.numerics import FloatArray
+from femfit.core.results import json_ready
 from femfit.device.complaints import joined
 from femfit.device.electrics import Circuit
 from femfit.device.keys import Record, kind_of

@@ -6,7 +6,7 @@ A nonlinear one, and linear ones of the distance's error and of every state.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -70,6 +70,8 @@ class Backstepping(Controller):
     A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eq. (34).
     P. Kokotovic, IEEE Control Systems Magazine 12 (1992) 7: backstepping.
     """
+
+    data = "position_gain_1_s2=position", "velocity_gain_1_s=velocity", "current_gain_ohm=current"
 
     model: ActuatorModel
     position: float  # k_p in 1/s^2
@@ -163,6 +165,11 @@ class Pid(Controller):
         outer = {"kp": self.kp, "ki": self.ki, "kd": self.kd}
         return {**outer, "filter_rad_s": float(rate), "current": self.current}
 
+    @property
+    def data(self) -> dict[str, Any]:
+        """What programs read."""
+        return {**self.parts, "filter_pole": self.filter_pole, "gains": self.gains}
+
     def with_parts(self, changed: Mapping[str, float]) -> "Pid":
         """By their names."""
         fields = dict(changed)
@@ -181,6 +188,8 @@ class StateFeedback(Controller):
     ----------
     K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), section 4.5.
     """
+
+    data = "gains", "integral"
 
     model: ActuatorModel
     gains: FloatArray  # K_x, shape (n, 2 + n)

@@ -9,7 +9,7 @@ The magnetic energy is i . flux linkage - W'(d, i); its growth is i . d(flux lin
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +19,7 @@ import pandas as pd
 from femfit.core import files as atomic
 from femfit.core.files import OPEN_LOOP, require_outputs
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Plotted
+from femfit.core.results import Plotted, Result
 from femfit.core.sweep_columns import circuit_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.events import Event
@@ -63,6 +63,11 @@ class Switching:
     def switching_time_s(self) -> float:
         """From the command to the first touch."""
         return self.reached_s - self.command_s
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What programs read."""
+        return vars(self) | {"switching_time_s": self.switching_time_s}
 
 
 def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequence[Profile]) -> tuple[Switching, ...]:
@@ -170,6 +175,11 @@ class EnergyBalance:
     remainder_J: float
 
     @property
+    def data(self) -> dict[str, float]:
+        """What programs read."""
+        return vars(self) | {"supplied_J": self.supplied_J}
+
+    @property
     def supplied_J(self) -> float:  # noqa: N802  the unit
         """From the source and from what was stored."""
         stored = (self.magnetic_J, self.kinetic_J, self.springs_J, self.potential_J)
@@ -197,7 +207,7 @@ def balance(model: ActuatorModel, first: FloatArray, last: FloatArray) -> Energy
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OpenLoop(Plotted):
+class OpenLoop(Plotted, Result):
     """A motion in open loop; printed, it says how the actuator switched and where the energy went.
 
     Parameters
@@ -232,6 +242,11 @@ class OpenLoop(Plotted):
     >>> abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
     True
     """
+
+    data = (
+        *("model=model.name", "duration_s", "end_s", "switchings", "events", "step", "energy"),
+        *("left_domain=domain_left", "extrapolated", "notes"),
+    )
 
     model: ActuatorModel
     profiles: tuple[Profile, ...]
@@ -275,22 +290,10 @@ class OpenLoop(Plotted):
         """Whether the body came to a stop, be it the one that it began at."""
         return any(event.name.startswith("hits") for event in self.events)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The numbers without the table, ready for JSON."""
-        return {
-            "model": self.model.name,
-            "duration_s": self.duration_s,
-            "end_s": self.end_s,
-            "switchings": [
-                asdict(switching) | {"switching_time_s": switching.switching_time_s} for switching in self.switchings
-            ],
-            "events": [asdict(event) for event in self.events],
-            "step": None if self.step is None else asdict(self.step),
-            "energy": asdict(self.energy) | {"supplied_J": self.energy.supplied_J},
-            "left_domain": [{"name": name, "time_s": time} for name, time in self.left_domain],
-            "extrapolated": self.extrapolated,
-            "notes": list(self.notes),
-        }
+    @property
+    def domain_left(self) -> list[dict[str, Any]]:
+        """What left the validity domain, and when, by their names."""
+        return [{"name": name, "time_s": time} for name, time in self.left_domain]
 
     def write_csv(self, path: str | Path) -> None:
         """Write the table, one row a step."""

@@ -36,6 +36,8 @@ from femfit.simulation.constants import USABLE_PART
 class OperatingPoint:
     """A point of rest and its linear model."""
 
+    data = "distance_m", "currents_A", "commands", "unstable_pole_rad_s", "coil_pole_rad_s"
+
     distance_m: float
     currents_A: FloatArray  # Of all circuits, shape (n,)
     commands: FloatArray  # What the drivers are told to hold it: V, or A for a current amplifier; shape (n,)

@@ -16,7 +16,7 @@ import pandas as pd
 from femfit.core.errors import FilterError, UsageError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.public import random_generator
-from femfit.core.results import Plotted
+from femfit.core.results import Plotted, Result
 from femfit.device.electrics import Circuit
 from femfit.estimate.constants import TEST_SAMPLES
 from femfit.estimate.error_bound import bound_along, without_stops
@@ -37,7 +37,7 @@ MOVES = "while it moves"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensing(Plotted):
+class Sensing(Plotted, Result):
     """The distance told by a filter over an open loop; arrays have one entry a sample.
 
     Examples
@@ -88,11 +88,12 @@ class Sensing(Plotted):
         names = ("time_s", "distance_m", "rms_m", "claimed_m", "bound_m")
         return pd.DataFrame({name: getattr(self, name) for name in names})
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without the series."""
+    @property
+    def data(self) -> dict[str, Any]:
+        """What programs read, without the series."""
         names = ("rms_m", "claimed_m", "bound_m")
         errors = {name: dict(zip(names, numbers, strict=True)) for name, numbers in self.errors.items()}
-        return {"sensors": list(self.sensors), "runs": self.runs, "errors": errors}
+        return {"sensors": self.sensors, "runs": self.runs, "errors": errors}
 
 
 def sense(

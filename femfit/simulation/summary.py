@@ -5,16 +5,16 @@ Recorded runs of a loop as a table: one row a sample, up to the sample at which 
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from femfit.core.files import LOOP, json_ready, path_of, require_outputs
+from femfit.core.files import LOOP, path_of, require_outputs
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding, Plotted
+from femfit.core.results import Finding, Plotted, Result, attributes
 from femfit.core.sweep_columns import circuit_currents
 from femfit.estimate.noise import ConsistencyBand, consistency_band
 from femfit.simulation.constants import UNCERTAIN
@@ -26,31 +26,23 @@ from femfit.simulation.margins import Margins
 from femfit.simulation.open_result import write_table
 from femfit.simulation.words import finding, sentence
 
-_OF_BACKSTEPPING = {"position_gain_1_s2": "position", "velocity_gain_1_s": "velocity", "current_gain_ohm": "current"}
-_OF_POINT = ("distance_m", "currents_A", "commands", "unstable_pole_rad_s", "coil_pole_rad_s")
 
-
-def design_data(design: LoopDesign, loops: Sequence[JudgedLoop] = ()) -> dict[str, Any]:
-    """Reference, gains, margins and operating points, ready for JSON."""
-    backstepping = design.controller("backstepping")
+def design_data(design: LoopDesign, loops: Sequence[JudgedLoop]) -> dict[str, Any]:
+    """What programs read of reference, gains, margins and operating points."""
     pid, feedback = (None if design.why_no(name) else design.controller(name) for name in ("pid", "state-feedback"))
-    return {
-        "sensors": list(design.sensors),
-        "noise": dict(design.noise),
-        "latency_samples": design.latency,
-        "targets_m": list(design.targets_m),
-        "reference_rate_rad_s": design.reference_rate_rad_s,
-        "backstepping": {key: getattr(backstepping, name) for key, name in _OF_BACKSTEPPING.items()},
-        "pid": pid and {**pid.parts, **{name: json_ready(getattr(pid, name)) for name in ("filter_pole", "gains")}},
+    facts = attributes(design, "sensors", "noise", "latency_samples=latency", "targets_m", "reference_rate_rad_s")
+    return facts | {
+        "backstepping": design.controller("backstepping"),
+        "pid": pid,
         "no_pid": design.why_no("pid"),
-        "state_feedback": feedback and {name: getattr(feedback, name).tolist() for name in ("gains", "integral")},
+        "state_feedback": feedback,
         "no_state_feedback": design.why_no("state-feedback"),
         "margins": [
-            {"controller": loop.controller, "observer": loop.observer, **json_ready(asdict(loop.margins))}
+            {"controller": loop.controller, "observer": loop.observer, **vars(loop.margins)}
             for loop in loops
             if loop.margins is not None
         ],
-        "points": [{name: np.array(getattr(point, name)).tolist() for name in _OF_POINT} for point in design.points],
+        "points": design.points,
     }
 
 
@@ -110,7 +102,7 @@ class Choice:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopSummary(Plotted):
+class LoopSummary(Plotted, Result):
     """What many runs of one closed loop came to; printed, it says so in a few lines.
 
     Parameters
@@ -141,6 +133,13 @@ class LoopSummary(Plotted):
     >>> loop.held, loop.result.series.distance_m.shape
     (2, (200, 1))
     """
+
+    finite = True
+    data = (
+        *("model=design.model.name", "experiment", "plant", "runs", "steps", "outcomes", "first_loss_s", "last_loss_s"),
+        *("estimate_rms_m", "tracking_rms_m", "normalised_innovation_squared", "innovation_band", "cause", "choice"),
+        *("findings", "design=designed"),
+    )
 
     design: LoopDesign
     experiment: Experiment
@@ -217,17 +216,10 @@ class LoopSummary(Plotted):
     def __str__(self) -> str:
         return "\n\n".join([sentence("loop", "summary", self), sentence("loop", "design", self.design, [self.judged])])
 
-    def data(self) -> dict[str, Any]:
-        """The numbers without the series, ready for JSON."""
-        shown = {name: value for name, value in vars(self).items() if name not in {"design", "result", "findings"}}
-        records = Experiment | Spread | ConsistencyBand | Choice | Cause
-        numbers = {name: asdict(value) if isinstance(value, records) else value for name, value in shown.items()}
-        return {
-            "model": self.design.model.name,
-            **json_ready(numbers),
-            "findings": [remark.as_dict() for remark in self.findings],
-            "design": design_data(self.design, [self.judged]),
-        }
+    @property
+    def designed(self) -> dict[str, Any]:
+        """What programs read of the design and the linear loop."""
+        return design_data(self.design, [self.judged])
 
     def write_csv(self, path: str | Path) -> None:
         """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
@@ -251,8 +243,10 @@ class StepRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ClosedLoopStudy(Plotted):
+class ClosedLoopStudy(Plotted, Result):
     """Everything that command line, report and run show of the closed loop."""
+
+    finite = True
 
     design: LoopDesign
     seed: int
@@ -272,12 +266,8 @@ class ClosedLoopStudy(Plotted):
     def _judged(self) -> list[JudgedLoop]:
         return [self.design.judged(name, FILTER) for name in self.design.controllers]
 
+    @property
     def data(self) -> dict[str, Any]:
-        """The numbers without time series, ready for JSON; what does not exist is null."""
-        return {
-            "model": self.design.model.name,
-            "seed": self.seed,
-            "no_direct": self.design.why_no_direct,
-            **design_data(self.design, self._judged),
-            "steps": [json_ready(asdict(row)) for row in self.steps],
-        }
+        """What programs read, without time series."""
+        facts = attributes(self, "model=design.model.name", "seed", "no_direct=design.why_no_direct")
+        return facts | design_data(self.design, self._judged) | {"steps": self.steps}

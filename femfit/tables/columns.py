@@ -36,11 +36,18 @@ _SIMULATED = ("true_", "estimated_")
 class UsedColumn:
     """How a column of a file (or what stands for one) becomes one of ours: its number times ``factor`` is SI."""
 
+    data = "quantity", "column=name", "header", "unit", "factor_to_SI=factor", "unit_assumed=assumed"
+
     header: str
     name: str
     factor: float
     unit: str
     assumed: bool = False  # True if neither the file nor the user named a unit
+
+    @property
+    def quantity(self) -> str:
+        """The column's name without its unit."""
+        return column_unit(self.name)[0]
 
     def conversion(self) -> Finding:
         """Say as what a column of another header is read."""

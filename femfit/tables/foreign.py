@@ -14,7 +14,7 @@ import pandas as pd
 from femfit import __version__
 from femfit.core.errors import TableError
 from femfit.core.files import path_of
-from femfit.core.results import Finding, listing
+from femfit.core.results import Finding, json_ready, listing
 from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import counted, quoted
 from femfit.device.load import read_actuator, sweep_manifest_entry
@@ -129,18 +129,8 @@ def import_table(
             {"file": file.name, "sha256": hashlib.sha256(contents[file]).hexdigest(), "read_as": dialects[file.name]}
             for file in files
         ],
-        "mapping": [
-            {
-                "quantity": column_unit(use.name)[0],
-                "column": use.name,
-                "header": use.header,
-                "unit": use.unit,
-                "factor_to_SI": use.factor,
-                "unit_assumed": use.assumed,
-            }
-            for use in mapping
-        ],
-        "findings": [finding.as_dict() for finding in findings],
+        "mapping": json_ready(mapping),
+        "findings": json_ready(findings),
         "rows": len(rows),
         "versions": {"femfit": __version__, "numpy": np.__version__, "pandas": pd.__version__},
     }

@@ -7,7 +7,7 @@ A row is of one number at one point; its ``force_N``, ``flux_linkage_Wb`` and ``
 number as the drawing has it, or per one whole of a number without a unit.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +77,7 @@ def write_signatures(signatures: Signatures | None, directory: Path) -> None:
         return
     with replacing(parquet) as partial:
         signatures.rows.to_parquet(partial, index=False)
-    write_json(listed, {"numbers": [asdict(number) for number in signatures.numbers]})
+    write_json(listed, {"numbers": signatures.numbers})
 
 
 def read_signatures(directory: Path) -> Signatures | None:

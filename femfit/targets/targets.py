@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from femfit.core.errors import UsageError
 from femfit.core.files import path_of
-from femfit.core.results import Printed
+from femfit.core.results import Result
 from femfit.core.text import amount, counted
 from femfit.estimate.kalman_filter import FilterKind
 from femfit.model.actuator_model import ActuatorModel
@@ -17,7 +17,7 @@ from femfit.targets.estimator import export_estimator
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Export(Printed):
+class Export(Result):
     """What was exported: the target's name, the directory and the files in it.
 
     Examples
@@ -46,10 +46,11 @@ class Export(Printed):
             done += f"\nIt loses its covariance from {lost} of {len(STARTS)} starts: take --real double."
         return done
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready; the files relative to the directory."""
-        files = [str(file.relative_to(self.directory)) for file in self.files]
-        facts: dict[str, Any] = {"target": self.target, "directory": str(self.directory), "files": files}
+    @property
+    def data(self) -> dict[str, Any]:
+        """What programs read; the files relative to the directory."""
+        files = [file.relative_to(self.directory) for file in self.files]
+        facts = {"target": self.target, "directory": self.directory, "files": files}
         single = {name: value for name, value in vars(self).items() if name.startswith("single_precision")}
         return facts if self.single_precision_m is None else facts | single
 

@@ -19,6 +19,7 @@ import numpy as np
 from femfit.core.errors import DomainError, FemfitError, MissingPartError
 from femfit.core.files import write_json
 from femfit.core.processes import process_pool
+from femfit.core.results import json_ready
 from femfit.core.text import counted
 from femfit.device.load import read_actuator
 from femfit.device.parts import Actuator
@@ -94,7 +95,7 @@ def write_campaign(campaign: Campaign, directory: Path, **more: Any) -> None:
     """Write a campaign's files into a directory, and what else may be said of what is hidden."""
     directory.mkdir(parents=True, exist_ok=True)
     campaign.rows.to_csv(directory / "data.csv", index=False, float_format="%.9g")
-    write_json(directory / "hidden.json", campaign.key() | more)
+    write_json(directory / "hidden.json", json_ready(campaign) | more)
 
 
 Report = Callable[[int, int], None]

@@ -1,7 +1,7 @@
 """What was said of a campaign beside what was hidden in it, and how often the diagnosis was right on a device."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from scipy import stats
@@ -88,6 +88,8 @@ class Share:
 class Count:
     """How many campaigns of a group had an outcome."""
 
+    data = "group", "outcome", "share", "ci95=share.ci95"
+
     group: str
     outcome: str
     share: Share
@@ -159,11 +161,11 @@ def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:
 
 
 def trial_data(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """A trial as JSON-ready data."""
+    """What programs read of a trial."""
     return {
-        "counts": [asdict(count) | {"ci95": list(count.share.ci95)} for count in counts(outcomes)],
+        "counts": counts(outcomes),
         "by_error": {name: [share.hits, share.of] for name, share in by_error(outcomes).items()},
-        "cases": [asdict(outcome) for outcome in outcomes],
+        "cases": outcomes,
     }
 
 

@@ -1,8 +1,8 @@
 """Campaigns on a virtual bench: meters with correlated noise and 12-bit converters, re-mounts, a warming winding."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -56,6 +56,9 @@ class Meter:
 class Campaign:
     """What was measured, and what was hidden."""
 
+    # What nobody may know who diagnoses it
+    data = "level", "hidden", "over_noise", "shown", "meters", "mount_m", "runs"
+
     rows: pd.DataFrame
     level: float
     hidden: Mapping[str, float]
@@ -64,11 +67,6 @@ class Campaign:
     meters: Mapping[str, Meter] = field(default_factory=dict)
     mount_m: float = 0.0  # Standard deviation of the mounts' distances
     runs: int = 1
-
-    def key(self) -> dict[str, Any]:
-        """What nobody may know who diagnoses it, as JSON-ready data."""
-        facts = {name: value for name, value in vars(self).items() if name != "rows"}
-        return facts | {"meters": {name: asdict(meter) for name, meter in self.meters.items()}}
 
 
 def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Generator) -> FloatArray:

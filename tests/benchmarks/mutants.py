@@ -34,8 +34,8 @@ from shapely import Polygon
 
 import femfit as ff
 from femfit.core.errors import FemfitError
-from femfit.core.files import json_ready
 from femfit.core.journal import Journal, JournalHeader
+from femfit.core.results import json_ready
 from femfit.device.load import actuator_from_record
 from femfit.device.outlines import flattened
 from femfit.device.rewrite import variants_from_toml
@@ -239,7 +239,7 @@ def use_inductance(path: Path) -> pd.DataFrame:
 def use_fem(path: Path) -> None:
     imported = import_fem_file(path)
     assert str(imported)
-    json.dumps(imported.as_dict(), allow_nan=False)
+    json.dumps(imported.to_dict(), allow_nan=False)
     use_actuator(imported.actuator)
 
 

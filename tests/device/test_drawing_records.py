@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import ActuatorFileError, FemfitError
-from femfit.core.files import json_ready
+from femfit.core.results import json_ready
 from femfit.device.keys import keys_of, kind_of
 from femfit.device.load import actuator_from_record, actuator_from_toml, read_actuator, sweep_manifest_entry
 from femfit.device.mechanics import Mechanics

@@ -269,7 +269,7 @@ def tables(foreign, measurements, benches, records):
 
 def drawn(name):
     found = import_fem_file(stored("fem", name, "fem"))
-    return {"drawing": tomllib.loads(found.toml), "facts": found.as_dict() | {"findings": _codes(found.findings)}}
+    return {"drawing": tomllib.loads(found.toml), "facts": found.to_dict() | {"findings": _codes(found.findings)}}
 
 
 EXPORTED = """
@@ -344,7 +344,7 @@ def simulated(name, **options):
 
 def closed(name, plant=None, **options):
     found = ff.close_loop(model(name), plant=plant and model(plant), runs=2, seconds=0.1, rng=1, **options)
-    data = found.data() | {"ends": found.result.series.distance_m[-1]}
+    data = found.to_dict() | {"ends": found.result.series.distance_m[-1]}
     return {"settled": {"design": data.pop("design")}, "bits": data}
 
 

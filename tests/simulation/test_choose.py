@@ -95,7 +95,7 @@ def test_a_study_compares_direct_measurement_and_filter_for_all_controllers(levi
     assert [loop.experiment.controller for loop in study.loops] == list(CONTROLLERS)
     assert all(loop.held == loop.runs for loop in study.loops)
     assert not unmentioned(("backstepping", "pid"), str(study).splitlines()[0])
-    data = json.loads(json.dumps(study.data(), allow_nan=False))
+    data = json.loads(json.dumps(study.to_dict(), allow_nan=False))
     assert len(data["steps"]) == len(study.steps)
     monkeypatch.setattr(LoopDesign, "why_no", lambda _, name: "No pid: slow coil." if name == "pid" else "")
     assert "No pid: slow coil." in str(study).partition("Steps")[0]
@@ -153,7 +153,7 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
     assert {row.measurement for row in alone.steps} == {"ukf"}
     assert all(row.held == row.runs for row in alone.steps)
     assert "36.8" in str(alone)
-    assert alone.data()["no_direct"] == alone.design.why_no_direct
+    assert alone.to_dict()["no_direct"] == alone.design.why_no_direct
 
 
 def test_what_a_study_must_leave_out_is_known_from_its_design(turning):

@@ -107,7 +107,7 @@ def test_a_held_run_whose_filter_errs_far_more_than_it_expects_is_remarked_on(le
     assert (good.held, good.findings) == (4, ())
     drifting = close_loop(levitation_model, **options, drift_per_s=0.04)
     assert drifting.held == 4
-    assert [finding["code"] for finding in drifting.data()["findings"]] == ["innovations"]
+    assert [finding["code"] for finding in drifting.to_dict()["findings"]] == ["innovations"]
     assert drifting.findings[0].size == drifting.normalised_innovation_squared > UNCERTAIN
 
 
@@ -118,7 +118,7 @@ def test_a_body_held_in_a_limit_cycle_is_not_said_to_be_stable(optical):
     assert (stable.held, stable.findings) == (2, ())
     assert swinging.held == 2
     assert [finding.code for finding in swinging.findings] == ["limit-cycle"]
-    pole = swinging.data()["design"]["margins"][0]["slowest_pole_rad_s"]
+    pole = swinging.to_dict()["design"]["margins"][0]["slowest_pole_rad_s"]
     assert swinging.findings[0].size == pytest.approx(-pole, rel=1e-6)
     assert "unstable about its rest" in str(swinging).splitlines()[0]
 
@@ -238,6 +238,6 @@ def test_a_lost_loop_names_its_cause_with_its_numbers_and_never_what_is_done_alr
         model = with_circuit(with_laser(optical, noise=noise), voltage_max_V=highest)
     loop = close_loop(model, **options)
     assert loop.held < loop.runs
-    assert loop.cause.code == loop.data()["cause"]["code"] == code
+    assert loop.cause.code == loop.to_dict()["cause"]["code"] == code
     assert loop.advice.startswith(first)
     assert not unmentioned(words, loop.advice)

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.core.results import Finding
+from femfit.core.results import Finding, Result, json_ready
 from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.keys import unit_of
@@ -23,7 +23,7 @@ from femfit.identify.decision.remarks import guessed_noises
 from femfit.identify.lack_of_fit import LackOfFit
 from femfit.identify.misfit import ErrorFall, allowed, beyond_noise
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.words import Result, plain, printed, sentence
+from femfit.identify.words import printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.sweep_table import SweepTable
@@ -83,6 +83,7 @@ class CalibrationResult(Result):
     data = (
         *("verdict", "beyond_noise", "sweeps", "step", "settled", "remarks", "numbers", "covariance", "undetermined"),
         *("lack_of_fit", "findings", "error_on_runs_left_out=unseen", "error_on_readings_fitted=fitted"),
+        "beside=effects_beside",
     )
 
     drawing: str  # Its text: that of the old one with other numbers
@@ -145,9 +146,10 @@ class CalibrationResult(Result):
             findings=(*observations.findings, *guessed_noises(noise)),
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data, without drawing, table and models."""
-        return super().to_dict() | {"beside": [plain(added) | {"runs": added.runs} for added in self.beside]}
+    @property
+    def effects_beside(self) -> list[dict[str, Any]]:
+        """The effects beside the numbers, and in which runs they act."""
+        return [json_ready(added) | {"runs": added.runs} for added in self.beside]
 
     def __str__(self) -> str:
         rows = [

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from femfit.core.results import Finding, Plotted
+from femfit.core.results import Finding, Plotted, Result
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
@@ -26,7 +26,7 @@ from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
 from femfit.identify.refit import Refit
 from femfit.identify.signatures import CHANGES_NOTHING
-from femfit.identify.words import Result, finding, printed, sentence
+from femfit.identify.words import finding, printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement

@@ -9,7 +9,7 @@ than any list holds, so that a constant error of each channel is always among th
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -88,6 +88,11 @@ class Decision:
 class NamedEffect:
     """An effect that the verdict names."""
 
+    data = (
+        *("name", "explained_share", "parameters", "ci95", "words", "tied_words", "plausible", "class=members", "tie"),
+        "when",
+    )
+
     name: str
     members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
     tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
@@ -100,11 +105,10 @@ class NamedEffect:
     # First and last run in which it acts, counted from 1; None for all
     runs: tuple[int, int] | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data; ``members`` is called ``class``."""
-        when = dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
-        rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
-        return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
+    @property
+    def when(self) -> dict[str, int] | None:
+        """First and last run by their names."""
+        return dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
 
 
 def fails_surely(campaign: Campaign) -> bool:

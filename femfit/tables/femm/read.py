@@ -17,7 +17,7 @@ from typing import Any
 from jinja2 import StrictUndefined, Template
 
 from femfit.core.errors import FemFileError
-from femfit.core.results import Finding
+from femfit.core.results import Finding, Result
 from femfit.device.keys import scaled
 from femfit.device.load import actuator_from_toml
 from femfit.device.parts import Actuator
@@ -36,8 +36,8 @@ from femfit.tables.femm.parts import (
 )
 
 
-@dataclass(frozen=True)
-class ImportedFem:
+@dataclass(frozen=True, repr=False)
+class ImportedFem(Result):
     """A FEMM model, imported; its own point has femfit's signs, with one current a circuit."""
 
     source: str
@@ -60,8 +60,9 @@ class ImportedFem:
         ordered = sorted(self.findings, key=lambda finding: finding.severity == "info")
         return "\n".join([*lines, *(f"- {finding.marked}" for finding in ordered)])
 
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+    @property
+    def data(self) -> dict[str, Any]:
+        """What programs read."""
         return {
             "kind": "import-fem",
             "name": self.actuator.name,
@@ -72,7 +73,7 @@ class ImportedFem:
             "mirrored": self.frame.up < 0,
             "current_sign": self.current_signs[0] if self.current_signs else 1.0,
             "field_sign": self.frame.field_sign,
-            "findings": [finding.as_dict() for finding in self.findings],
+            "findings": self.findings,
         }
 
 
