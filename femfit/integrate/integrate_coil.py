@@ -308,6 +308,6 @@ def stream_record(
         standard_uncertainty=float(out.sigma(at_the_end)[-1]),
         parts={"noise": float(np.sqrt(out.variance[-1])), **parts},
         offset_V=float(out.offset[-1]),
-        findings=(*watch.findings(), *lacking),
+        findings=(*source.findings, *watch.findings(), *lacking),
         rows=pd.concat(tables, ignore_index=True) if tables else None,
     )

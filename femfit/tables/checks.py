@@ -222,8 +222,8 @@ def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
     time = rows["time_s"].to_numpy()
     for name in map(str, rows):
         channel, values = CHANNELS.get(parts_of(name)[0], Channel()), rows[name].to_numpy()
-        beyond, missing = np.abs(values) > channel.possible, int(np.isnan(values).sum())
-        if beyond.any() and beyond.mean() <= _MOST_IMPOSSIBLE:
+        beyond, missing = impossible_samples(values, name), int(np.isnan(values).sum())
+        if beyond.any():
             count, first = int(beyond.sum()), int(np.argmax(beyond))
             facts = {"limit": channel.possible, "first": values[first], "time": time[first]}
             remark = finding("outliers impossible", size=float(count), column=name, readings=count, **facts)
@@ -249,6 +249,12 @@ def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
                 remark = finding(fault, size=float(faulty.sum()), column=name, **facts)
                 findings.append(set_aside(remark, faulty))
     return findings
+
+
+def impossible_samples(values: FloatArray, name: str) -> BoolArray:
+    """Single samples of a channel that no actuator has; none where they are many, and so a wrong unit."""
+    beyond = np.abs(values) > CHANNELS.get(parts_of(name)[0], Channel()).possible
+    return beyond & (beyond.mean() <= _MOST_IMPOSSIBLE)
 
 
 BENCH_CHECKS: tuple[Check, ...] = (suspected_units, stuck_readings)

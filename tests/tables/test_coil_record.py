@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from scipy.io import wavfile
 
+from femfit.core.errors import TableError
 from femfit.integrate.integrate_coil import record_writer
 from femfit.tables.coil_record import open_coil_record
 from femfit.tables.measurement_file import read_measurement
@@ -44,6 +45,20 @@ def test_what_is_written_is_read_in_blocks(name, table, tmp_path):
         # CSV keeps ten digits.
         np.testing.assert_allclose(read, table[column], rtol=1e-9, atol=1e-12)
     assert all(block.current is None for block in blocks)
+
+
+def test_what_is_not_used_of_a_record_is_said(table, tmp_path):
+    table.loc[::4, "coil_voltage_V"] = np.nan
+    table.loc[3, "coil_voltage_V"] = 1.42e21
+    record = open_coil_record(written(table.rename(columns={"hall_T": "hall_xT"}), tmp_path / "a.csv"))
+    assert sum(map(len, record.blocks(rows=300))) == 749
+    assert [str(remark) for remark in record.findings] == [
+        "Not used: hall_xT. Where one is meant, say --column hall_xT=hall_T.",
+        "250 samples of coil_voltage_V are missing.",
+        "1 sample of coil_voltage_V is larger than any that is possible and counts as missing.",
+    ]
+    with pytest.raises(TableError, match="holds one table"):
+        open_coil_record(tmp_path / "a.csv", table="x")
 
 
 def test_a_sound_card_records_a_coil(tmp_path):
