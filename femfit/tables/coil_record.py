@@ -24,7 +24,7 @@ from femfit.core.files import path_of, read_settings, reading
 from femfit.core.numerics import LARGEST, BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
-from femfit.tables.checks import impossible_samples
+from femfit.tables.checks import impossible
 from femfit.tables.columns import UsedColumn, match_columns
 from femfit.tables.containers import is_container, require_no_choice
 from femfit.tables.findings import finding, refused
@@ -105,7 +105,7 @@ class CoilRecord:
                 for use in self.used:
                     cells = table[use.header]
                     read[use.name] = use.factor * typed_numbers(cells)
-                    missing, beyond = np.isnan(read[use.name]), impossible_samples(read[use.name], use.name)
+                    missing, beyond = np.isnan(read[use.name]), impossible(read[use.name], use.name)
                     self.lost["cells missing", use.name] += int(missing.sum()) if use.name in COIL.needs else 0
                     self.lost["cells impossible", use.name] += int(beyond.sum())
                     read[use.name][beyond] = np.nan

@@ -23,6 +23,7 @@ from femfit.tables.findings import finding, refused
 from femfit.tables.header import circuit_columns, matching_headers, parts_of
 from femfit.tables.measurement import OF_RUNS, SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
+from femfit.tables.units import possible_range
 
 _EXAMPLE = "force_N = 2e-4"
 _OF_OTHERS = frozenset({"schema", "sweep", "sample_rate_Hz"})
@@ -109,6 +110,10 @@ def constant_settings(settings: Mapping[str, Any], where: str) -> dict[str, floa
         if column is None or column.assumed or number is None:
             raise refused("no-setting", where=where, settings=", ".join(SETTINGS), line=quoted(f"{key} = {value}"))
         result[column.name] = column.factor * number
+        low, high = possible_range(parts_of(column.name)[0])
+        if not low <= result[column.name] <= high:
+            line, limits = quoted(f"{key} = {value}"), f"{low:g} to {high:g}"
+            raise refused("impossible-setting", where=where, column=column.name, limits=limits, line=line)
     return result
 
 

@@ -17,8 +17,8 @@ from femfit.tables.checks import (
     Expected,
     checked,
     copies,
+    faulty_readings,
     faulty_samples,
-    stuck_readings,
     suspected_units,
 )
 from femfit.tables.measurement import check_clock
@@ -107,7 +107,7 @@ CASES = {
         ],
     ),
     "stuck": (
-        stuck_readings,
+        faulty_readings,
         "stuck",
         lambda law: spoilt(bench(law), "hall_V", slice(30, 54), 0.5),
         [
@@ -133,7 +133,7 @@ CASES = {
         [
             lambda law: record(),
             lambda law: record(1).assign(current_A=lambda rows: 1e9 * rows["current_A"]),
-            lambda law: record(2)[["run", "time_s"]],
+            lambda law: bench(law).assign(coil_temperature_C=-196.0),
         ],
     ),
     "samples": (
@@ -242,6 +242,9 @@ def test_what_a_check_sets_aside_is_missing_in_what_goes_on(law):
     rows, (remark,) = checked(CASES["stuck"][2](law), BENCH_CHECKS)
     assert np.flatnonzero(rows["hall_V"].isna()).tolist() == list(range(30, 55))
     assert type(remark) is Finding
+    cold, (remark,) = checked(bench(law).assign(coil_temperature_C=-400.0), BENCH_CHECKS)
+    assert cold["coil_temperature_C"].isna().all()
+    assert "beyond the possible -273.15 to 2000" in remark.text
     turned = sweep(law, force_N=lambda points: -points["force_N"])
     kept, _ = checked(turned, [partial(force_sign, keep=True)])
     assert (kept["force_N"] < 0).all()

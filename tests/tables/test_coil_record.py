@@ -55,7 +55,7 @@ def test_what_is_not_used_of_a_record_is_said(table, tmp_path):
     assert [str(remark) for remark in record.findings] == [
         "Not used: hall_xT. Where one is meant, say --column hall_xT=hall_T.",
         "250 samples of coil_voltage_V are missing.",
-        "1 sample of coil_voltage_V is larger than any that is possible and counts as missing.",
+        "1 sample of coil_voltage_V is beyond what is possible and counts as missing.",
     ]
     with pytest.raises(TableError, match="holds one table"):
         open_coil_record(tmp_path / "a.csv", table="x")

@@ -93,6 +93,7 @@ def test_a_coil_record_has_a_sidecar_and_one_in_memory_takes_the_same_words(tmp_
         (read_measurement, {"units": {3: "mm"}}, "units must hold lines like"),
         (read_measurement, {"units": {"force_N": "1e300"}}, "is not a unit of column"),
         (read_measurement, {"noise": {1: 2.0}}, "noise must hold lines like"),
+        (read_measurement, {"settings": {"coil_temperature_C": -500.0}}, "must be possible, -273.15 to 2000"),
         (open_coil_record, {"units": {"time_s": 1e-300}}, "lacks time_s|is not a unit of column"),
     ],
 )
