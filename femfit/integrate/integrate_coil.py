@@ -192,7 +192,8 @@ def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     for option, methods, bound in (entry for entry in _OPTIONS.values() if entry[0] in options):
         number = finite_number(options[option])
         if bound != "path" and (number is None or not _LEAST[bound] <= number < LARGEST):
-            raise TableError(f"{option} must be a number{bound}; instead received {quoted(options[option])}.")
+            limits = f"{bound}, from {_LEAST[bound]:g} to {LARGEST:g}"
+            raise TableError(f"{option} must be a number{limits}; instead received {quoted(options[option])}.")
         if methods and method not in methods:
             raise TableError(
                 f"{option} is for {' and '.join(methods)}; {method} does not use it. Leave it out, or give another "

@@ -82,7 +82,9 @@ class Profile(Printed):
                 f"{value.shape} values."
             )
         if not (np.all(np.isfinite(time)) and np.all(np.isfinite(value)) and np.all(np.diff(time) > 0.0)):
-            raise TableError("A profile's times must ascend, and its times and values must be finite. Sort its rows.")
+            raise TableError(
+                "A profile's times must ascend, and its times and values must be finite. Sort and complete it."
+            )
         object.__setattr__(self, "time_s", time)
         object.__setattr__(self, "value", value)
 

@@ -133,7 +133,7 @@ CASES = {
         [
             lambda law: record(),
             lambda law: record(1).assign(current_A=lambda rows: 1e9 * rows["current_A"]),
-            lambda law: bench(law).assign(coil_temperature_C=-196.0),
+            lambda law: record(2)[["run", "time_s"]].assign(coil_temperature_C=-196.0),
         ],
     ),
     "samples": (

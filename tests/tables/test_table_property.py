@@ -18,7 +18,7 @@ from femfit.tables.units import CHANNELS, UNITS, column_unit, unit_factor
 from support.reference import REFERENCE, needs_reference
 
 QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-ACCEPT_ALL = ("cells", "contradictions", "one-current", "one-distance", "units", "reciprocity")
+ACCEPT_ALL = ("cells", "contradictions", "one-current", "one-distance", "suspected-unit", "reciprocity")
 VALID = "\n".join(
     ["current_A;distance_mm;force_N;flux_linkage_Wb"]
     + [f"{i:g};{d:g};{(0.1 + i) / d:.8g};{1e-5 * (i + 1) / d:.8g}" for i in (0, 0.5, 1) for d in range(5, 17)]
