@@ -124,7 +124,7 @@ class Keyword:
 
     def value(self, argument: Any) -> Any:
         """What was given, as the function takes it: in SI, names one by one, values by their names."""
-        if self.words.endswith("float"):
+        if self.words in {"float", "sequence of float"}:
             for number in argument if isinstance(argument, tuple) else (argument,):
                 self._read(number, "NUMBER", finite)
         base, factor = _PREFIXED.get(self.option.rpartition("-")[2], ("", 1.0))
