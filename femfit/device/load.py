@@ -12,7 +12,16 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import DrawnTables, MistakeError, Reading, in_file, read_table, read_tables, translated
+from femfit.device.complaints import (
+    DrawnTables,
+    MistakeError,
+    Reading,
+    in_file,
+    read_table,
+    read_tables,
+    table_at,
+    translated,
+)
 from femfit.device.drawing import DrawnPart, check_parts, read_parts
 from femfit.device.keys import converted, scaled
 from femfit.device.parameters import read_design
@@ -87,15 +96,15 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     parts = read_parts(file, directory or Path())
     circuits, coils = read_circuits(file, parts)
-    names = [circuit.name for circuit in circuits]
+    names = [*(table_at(data, "circuits") or table_at(data, "coils"))]  # also of those in which something is wrong
     mechanics = read_mechanics(file)
     sensors = tuple(read_sensors(file, names))
     currents_A, distances = read_axes(file, names)
     first_A, *further_A = currents_A or [(0.0,)]
     bias_A = solver.eddy_bias_A
     eddy_bias_A = bias_A if isinstance(bias_A, tuple) else () if bias_A is None else (bias_A,)
-    if bias_A is not None and len(eddy_bias_A) != len(circuits):
-        file.complain("eddy_bias", circuits=len(circuits), count=len(eddy_bias_A))
+    if bias_A is not None and len(eddy_bias_A) != len(names):
+        file.complain("eddy_bias", circuits=len(names), count=len(eddy_bias_A))
     steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:

@@ -95,11 +95,11 @@ def _connected(
     path = joined("circuits", circuit)
     for stated in members:
         name, sign = (stated[1:], -1.0) if stated.startswith("-") else (stated, 1.0)
-        if name not in coils:
-            refuse_name(file.problems, "no_coil", path, stated, coils)
+        if name not in (drawn := table_at(file.data, "coils")):
+            refuse_name(file.problems, "no_coil", path, stated, drawn)
         elif name in connected:
             file.complain("coil_twice", path, coil=name, owner=joined("circuits", connected[name].circuit))
-        else:
+        elif name in coils:
             connected[name] = replace(coils[name], circuit=circuit, sign=sign)
             yield connected[name]
 
