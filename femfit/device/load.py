@@ -12,21 +12,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.files import json_ready, path_of
-from femfit.device.complaints import (
-    DrawnTables,
-    MistakeError,
-    Reading,
-    in_file,
-    read_table,
-    read_tables,
-    table_at,
-    translated,
-)
+from femfit.device.complaints import DrawnTables, MistakeError, Reading, in_file, read_table, read_tables, translated
 from femfit.device.drawing import DrawnPart, check_parts, read_parts
 from femfit.device.keys import converted, scaled
 from femfit.device.parameters import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, Region, SweepAxes, is_iron
-from femfit.device.read_device import read_axes, read_circuits, read_mechanics, read_sensors
+from femfit.device.read_device import circuit_names, read_axes, read_circuits, read_mechanics, read_sensors
 from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
 from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
@@ -96,7 +87,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     parts = read_parts(file, directory or Path())
     circuits, coils = read_circuits(file, parts)
-    names = [*(table_at(data, "circuits") or table_at(data, "coils"))]  # also of those in which something is wrong
+    names = circuit_names(file)
     mechanics = read_mechanics(file)
     sensors = tuple(read_sensors(file, names))
     currents_A, distances = read_axes(file, names)

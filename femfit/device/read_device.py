@@ -80,6 +80,11 @@ def read_circuits(file: Reading, parts: Sequence[DrawnPart]) -> tuple[tuple[Circ
     return tuple(circuits), tuple((coils | connected).values())
 
 
+def circuit_names(file: Reading) -> list[str]:
+    """Those of the file, also where something is wrong in a circuit."""
+    return [*(table_at(file.data, "circuits") or table_at(file.data, "coils"))]
+
+
 def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
     """Report names of which two readings of impedances, as of :mod:`femfit.model.impedance`, have one column."""
     pairs = [f"{first}_{second}{end}" for first, second in permutations(names, 2) for end in ("", "_shorted")]

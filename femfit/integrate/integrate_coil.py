@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from femfit.core.errors import TableError
 from femfit.core.files import INTEGRATED, finite_number, replacing, require_outputs
 from femfit.core.numerics import LARGEST
+from femfit.core.public import require_known
 from femfit.core.text import quoted
 from femfit.integrate.feed_forward import SETTLING_S, STILL_A
 from femfit.integrate.field_of_current import (
@@ -186,8 +187,7 @@ def integrate_coil(
 
 def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     """Refuse options that would do nothing, and say what a method lacks."""
-    if method not in OFFSET_SIGMA_V:
-        raise TableError(f"method must be one of {', '.join(OFFSET_SIGMA_V)}; instead received {method!r}.")
+    require_known("method", [method], OFFSET_SIGMA_V)
     options = {entry[0]: arguments[keyword] for keyword, entry in _OPTIONS.items() if arguments[keyword] is not None}
     for option, methods, bound in (entry for entry in _OPTIONS.values() if entry[0] in options):
         number = finite_number(options[option])

@@ -214,9 +214,9 @@ def _value_in_name(path: Path, column: str) -> float | None:
 
 def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
     """Accepted errors as warnings; the others stop the import, all at once."""
-    accepted = set(options.accept) - {"distance"}  # no model is defined at a distance of zero or less
     settled = [
-        remark.accepted() if remark.severity == "error" and remark.code in accepted else remark for remark in findings
+        remark.accepted() if remark.severity == "error" and remark.code in options.accept else remark
+        for remark in findings
     ]
     errors = [f"  - {remark} [{remark.code}]" for remark in settled if remark.severity == "error"]
     if errors:

@@ -35,7 +35,7 @@ WORDS = {column_unit(name)[0]: name for name in SWEPT}
 
 
 ACCEPTABLE = ("cells", "contradictions", "one-current", "one-distance", "suspected-unit", "reciprocity")
-"""Codes of errors in spite of which a table is one."""
+"""Codes of errors in spite of which a table is one; no model is defined at a distance of zero or less."""
 
 _CHOICES = {"matrix_rows": ("auto", "distance", "current"), "decimal": (None, ".", ",")}
 

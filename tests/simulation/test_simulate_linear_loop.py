@@ -10,7 +10,7 @@ from scipy.linalg import expm, solve_discrete_lyapunov
 from scipy.signal import ss2tf
 
 import femfit as ff
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, UsageError
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.simulation.controllers import Backstepping
 from femfit.simulation.design import CONTROLLERS, adjusted, design_loop
@@ -139,7 +139,7 @@ def test_gains_of_ones_own_take_the_place_of_the_designed_in_both_forms(design):
     faster = adjusted(design, "backstepping", bandwidth_rad_s=80.0).controller("backstepping")
     assert isinstance(faster, Backstepping)
     assert faster.position == pytest.approx(80.0**2 / 3.0)
-    with pytest.raises(DomainError, match="kp, ki, kd, filter_rad_s, current"):
+    with pytest.raises(UsageError, match="kp, ki, kd, filter_rad_s, current"):
         adjusted(design, "pid", gains={"p": 1.0})
     with pytest.raises(DomainError, match="> 0"):
         adjusted(design, "pid", bandwidth_rad_s=1e9)

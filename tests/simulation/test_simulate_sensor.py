@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 import femfit as ff
-from femfit.core.errors import DomainError, FilterError, UsageError
+from femfit.core.errors import FilterError, UsageError
 from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
 from femfit.simulation.loop import _Watch
@@ -129,7 +129,7 @@ def test_noise_is_given_by_name_or_for_the_first_sensor(several):
     assert sensor_noise(several, names) == {"laser": 1e-6, "ammeter": 1e-3}
     assert sensor_noise(several, names, 2e-6) == {"laser": 2e-6, "ammeter": 1e-3}
     assert sensor_noise(several, names, {"ammeter": 0.0}) == {"laser": 1e-6, "ammeter": 0.0}
-    with pytest.raises(DomainError, match="hall"):
+    with pytest.raises(UsageError, match="hall"):
         sensor_noise(several, names, {"hall": 1.0})
 
 
