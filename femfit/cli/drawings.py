@@ -12,7 +12,7 @@ from femfit.cli.command import OUTPUT, Outcome, Writes, command
 from femfit.cli.keywords import Keywords
 from femfit.cli.output import status
 from femfit.core.errors import ActuatorFileError, DomainError, OutputError, UsageError
-from femfit.core.files import DRAWING, require_outputs, write_text
+from femfit.core.files import DRAWING, PICTURE, require_outputs, write_text
 
 if TYPE_CHECKING:
     from femfit.device.drawn_numbers import NumberFacts
@@ -23,7 +23,7 @@ What = Literal["geometry", "mesh", "flux-lines", "flux-density", "vtu"]
 _HELD = Keywords("find_temperatures", "current_A voltage_V=voltage distance_m=distance-mm")
 _MOVER = Keywords("femfit.tables.femm.model:FemOptions", "moving_labels=moving-label mover_side face_mm")
 
-_PICTURES, _FIELD = (".png", ".svg", ".pdf"), ".vtu"
+_FIELD = ".vtu"
 
 
 def new(kind: Kind | None = None, *, schema: bool = False, output: Annotated[Path | None, OUTPUT] = None) -> None:
@@ -178,9 +178,9 @@ def _files(output: Path, what: tuple[str, ...]) -> dict[str, Path]:
     if not suffix or output.is_dir():
         return {kind: output / ("field.vtu" if kind == VTU else f"{kind}.png") for kind in what or (*PICTURES, VTU)}
     kind, *more = what or ((VTU,) if suffix == _FIELD else ("flux-density",))
-    if more or suffix not in ((_FIELD,) if kind == VTU else _PICTURES):
+    if more or suffix not in ((_FIELD,) if kind == VTU else PICTURE.suffixes):
         raise UsageError(
-            f"--output must be a directory, or a file of one picture ({', '.join(_PICTURES)}) or of the field "
+            f"--output must be a directory, or a file of one picture ({', '.join(PICTURE.suffixes)}) or of the field "
             f"({_FIELD}) for --what {kind}; instead received {output.name}. Give a directory for several."
         )
     return {kind: output}

@@ -49,11 +49,18 @@ def names_of(texts: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for text in texts for word in text.split(",") if (name := word.strip()))
 
 
-_Read = Callable[[str], Any]
+def finite(text: str | float) -> float:
+    """A number that is neither infinite nor NaN."""
+    if not math.isfinite(float(text)):
+        raise ValueError(text)
+    return float(text)
+
+
+_Read = Callable[[Any], Any]
 _MAPPINGS: Mapping[str, tuple[str, _Read]] = {
     "mapping of str to (float, float)": ("LOW:HIGH", limits_of),
     "mapping of str to float or str": ("VALUE", number_or_text),
-    "mapping of str to float": ("NUMBER", float),
+    "mapping of str to float": ("NUMBER", finite),
     "mapping of str to str": ("VALUE", str),
 }
 """Words of a docstring for values by their names: how a value is written, and read."""
@@ -117,6 +124,9 @@ class Keyword:
 
     def value(self, argument: Any) -> Any:
         """What was given, as the function takes it: in SI, names one by one, values by their names."""
+        if self.words in {"float", "sequence of float"}:
+            for number in argument if isinstance(argument, tuple) else (argument,):
+                self._read(number, "NUMBER", finite)
         base, factor = _PREFIXED.get(self.option.rpartition("-")[2], ("", 1.0))
         if base and self.name.endswith(f"_{base}"):
             return factor * argument
@@ -128,7 +138,7 @@ class Keyword:
 
     def _by_name(self, texts: tuple[str, ...], form: str, read: _Read) -> Any:
         """Values by their names, or one number where the function takes that too."""
-        texts = names_of(texts) or texts if read is float else texts
+        texts = names_of(texts) or texts if read is finite else texts
         if self.declared.startswith("float") and len(texts) == 1 and "=" not in texts[0]:
             return self._read(texts[0], form, read)
 
@@ -140,11 +150,11 @@ class Keyword:
 
         return dict(self._read(text, f"NAME={form}", pair) for text in texts)
 
-    def _read(self, text: str, form: str, read: _Read) -> Any:
+    def _read(self, text: Any, form: str, read: _Read) -> Any:
         try:
             return read(text)
         except ValueError as error:
-            problem = f"--{self.option} must read {form}; instead received {text!r}. It is: {self.text}"
+            problem = f"--{self.option} must read {form}; instead received {str(text)!r}. It is: {self.text}"
             raise UsageError(problem) from error
 
 

@@ -8,7 +8,7 @@ import femfit as ff
 from femfit.cli.command import OUTPUT, Cores, Default, Outcome, TableOptions, Writes, command, run_directory
 from femfit.cli.keywords import Keywords
 from femfit.cli.output import sentence, sweep_progress
-from femfit.core.errors import FieldSolverError, FitError
+from femfit.core.errors import FieldSolverError, FitError, UsageError
 from femfit.core.files import MANIFEST, MODEL, SWEEP
 
 if TYPE_CHECKING:
@@ -99,6 +99,8 @@ def import_table(
     """
     from femfit.tables.sweep_table import write_sweep_table
 
+    if columns is not None and not columns.strip(" ,"):
+        raise UsageError("--columns must name columns, as distance_mm,current_A,force_N; instead received none.")
     names = tuple(word.strip() for word in columns.split(",")) if columns else ()  # an empty one counts
     imported = ff.import_table(tables, actuator=actuator, column_names=names, **options, **table_options)
     return Outcome(f"{imported}\nwritten: {write_sweep_table(imported, output)}", imported.manifest)

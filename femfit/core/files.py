@@ -123,13 +123,13 @@ INTEGRATED = Kind("an integrated record", (), (b"offset_v",))
 OPEN_LOOP = Kind("a simulated motion's record", (), (b"static_force_n",))
 REPLAYED = Kind("a record with estimates", (".csv",), (b"_innovation_", b"claimed_m,bound_m"))
 PAGE = Kind("an HTML page", (".html", ".htm"), (b'name="generator" content="femfit"',))
-PICTURE = Kind("a picture", (), (b"\x89png", b"%pdf", b"<svg"))
+PICTURE = Kind("a picture", (".png", ".svg", ".pdf"), (b"\x89png", b"%pdf", b"<svg"))
 PARAVIEW = Kind("a ParaView file", (), (b"<vtkfile",))
 
 _TABLE = Kind("a table", (), tuple(mark for kind in (LOOP, INTEGRATED, OPEN_LOOP, REPLAYED) for mark in kind.marks))
 _BY_SUFFIX = {
-    ".html": PAGE, ".vtu": PARAVIEW, ".json": RESULT, ".png": PICTURE, ".svg": PICTURE, ".pdf": PICTURE,
-    ".csv": _TABLE, ".parquet": _TABLE,
+    ".html": PAGE, ".vtu": PARAVIEW, ".json": RESULT, ".csv": _TABLE, ".parquet": _TABLE,
+    **dict.fromkeys(PICTURE.suffixes, PICTURE),
 }  # fmt: skip
 _OTHER = _TABLE._replace(words="a result")
 _OTHER_FORMATS = {".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".npz", ".toml", ".xml", ".fem", ".docx"}
@@ -157,10 +157,13 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
         written.add(place)
         if path.is_dir():
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
-        if kind.suffixes and suffix not in kind.suffixes and suffix in {*_BY_SUFFIX, *_OTHER_FORMATS}:
+        if file := next((parent for parent in path.parents if parent.exists() and not parent.is_dir()), None):
+            raise OutputError(f"{file} is a file, where a directory is needed. Choose another name.")
+        foreign = suffix if kind is PICTURE else suffix in {*_BY_SUFFIX, *_OTHER_FORMATS}
+        if kind.suffixes and foreign and suffix not in kind.suffixes:
             raise OutputError(
                 f"{path} is to hold {kind.words}, which is not written as {suffix}. Give a name that ends in "
-                f"{kind.suffixes[0]}."
+                f"{' or '.join(kind.suffixes)}."
             )
         if path.is_file() and path.stat().st_size and not _is_of(path, kind):
             raise OutputError(

@@ -41,7 +41,12 @@ class Journal:
     """
 
     def __init__(self, directory: Path, header: JournalHeader) -> None:
-        directory.mkdir(parents=True, exist_ok=True)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise RunDirectoryError(
+                f"{directory} cannot be a run's directory: a file is in its place. Give another directory with -o."
+            ) from error
         self.finished: dict[str, Any] = {}
         self._waiting: list[bytes] = []
         self.changed: tuple[str, ...] = ()
@@ -144,7 +149,7 @@ def holds(directory: Path, configuration_hash: str) -> bool:
     try:
         with (directory / JOURNAL_NAME).open("rb") as file:
             first = _header(file.readline())
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return False
     current = first is not None and first.configuration_hash == configuration_hash
     return current or _kept(directory, configuration_hash).exists()

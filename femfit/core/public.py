@@ -5,13 +5,14 @@ import inspect
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
-from femfit.core.errors import ArgumentError, DomainError
+from femfit.core.errors import ArgumentError, DomainError, UsageError
 from femfit.core.text import quoted
 
 
@@ -74,6 +75,21 @@ _ONE_BLAS_THREAD = _OneBlasThread()
 """One for the process, as the limit is."""
 
 os.register_at_fork(after_in_child=lambda: _OneBlasThread.__init__(_ONE_BLAS_THREAD))  # calls of threads that are gone
+
+
+def require_known(what: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse names that are none of those that are known, with the one that may be meant.
+
+    Examples
+    --------
+    >>> require_known("Filter", ["ufk"], ["ukf", "ekf"])
+    Traceback (most recent call last):
+    femfit.core.errors.UsageError: Did you mean ukf? Filter must be one of ukf, ekf; instead received 'ufk'.
+    """
+    for name in names:
+        if name not in known:
+            near = "".join(f"Did you mean {close}? " for close in get_close_matches(name[:200], known, n=1))
+            raise UsageError(f"{near}{what} must be one of {', '.join(known)}; instead received {quoted(name)!r}.")
 
 
 def random_generator(rng: int | np.random.Generator | None) -> np.random.Generator:

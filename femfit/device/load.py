@@ -17,7 +17,7 @@ from femfit.device.drawing import DrawnPart, check_parts, read_parts
 from femfit.device.keys import converted, scaled
 from femfit.device.parameters import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, Region, SweepAxes, is_iron
-from femfit.device.read_device import read_axes, read_circuits, read_mechanics, read_sensors
+from femfit.device.read_device import circuit_names, read_axes, read_circuits, read_mechanics, read_sensors
 from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
 from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
@@ -87,15 +87,15 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     reference_m = entries["reference"].distance_m if "reference" in entries else ()
     parts = read_parts(file, directory or Path())
     circuits, coils = read_circuits(file, parts)
-    names = [circuit.name for circuit in circuits]
+    names = circuit_names(file)
     mechanics = read_mechanics(file)
     sensors = tuple(read_sensors(file, names))
     currents_A, distances = read_axes(file, names)
     first_A, *further_A = currents_A or [(0.0,)]
     bias_A = solver.eddy_bias_A
     eddy_bias_A = bias_A if isinstance(bias_A, tuple) else () if bias_A is None else (bias_A,)
-    if bias_A is not None and len(eddy_bias_A) != len(circuits):
-        file.complain("eddy_bias", circuits=len(circuits), count=len(eddy_bias_A))
+    if bias_A is not None and len(eddy_bias_A) != len(names):
+        file.complain("eddy_bias", circuits=len(names), count=len(eddy_bias_A))
     steps = [scaled(distance, 3) for distance in reference_m]
     outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
     if outside:

@@ -80,6 +80,11 @@ def read_circuits(file: Reading, parts: Sequence[DrawnPart]) -> tuple[tuple[Circ
     return tuple(circuits), tuple((coils | connected).values())
 
 
+def circuit_names(file: Reading) -> list[str]:
+    """Those of the file, also where something is wrong in a circuit."""
+    return [*(table_at(file.data, "circuits") or table_at(file.data, "coils"))]
+
+
 def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
     """Report names of which two readings of impedances, as of :mod:`femfit.model.impedance`, have one column."""
     pairs = [f"{first}_{second}{end}" for first, second in permutations(names, 2) for end in ("", "_shorted")]
@@ -95,11 +100,11 @@ def _connected(
     path = joined("circuits", circuit)
     for stated in members:
         name, sign = (stated[1:], -1.0) if stated.startswith("-") else (stated, 1.0)
-        if name not in coils:
-            refuse_name(file.problems, "no_coil", path, stated, coils)
+        if name not in (drawn := table_at(file.data, "coils")):
+            refuse_name(file.problems, "no_coil", path, stated, drawn)
         elif name in connected:
             file.complain("coil_twice", path, coil=name, owner=joined("circuits", connected[name].circuit))
-        else:
+        elif name in coils:
             connected[name] = replace(coils[name], circuit=circuit, sign=sign)
             yield connected[name]
 

@@ -134,7 +134,8 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     numbers, tolerances = numbers_of(data), {}
     for key, value in ((key, value) for key, value in table.items() if key not in entries):
         if not key or key not in {*numbers, *curves, *contours}:
-            complain(problems, "no_number", key=key, near=", ".join(nearest(key, numbers)))
+            near = ", ".join(nearest(key, numbers))
+            complain(problems, "no_number", key=key, near=f" Near it: {near}." if near else "")
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < LARGEST:
             complain(problems, "tolerance", key=key, given=str(value)[:60])
         else:

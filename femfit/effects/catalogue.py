@@ -12,10 +12,10 @@ All others are written for one circuit: iron, lags, misalignment and outer field
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import cache
+from typing import cast
 
-from femfit.core.errors import UsageError
+from femfit.core.public import require_known
 from femfit.effects import circuit, friction, hall, hysteresis, iron, lags, magnet, springs, zeros_and_scales
 from femfit.effects.effect import AddedEffect, Effect
 
@@ -154,10 +154,9 @@ def all_effects() -> dict[str, Effect]:
 
 def effect_by_name(name: str) -> Effect:
     """Look up an effect, or that of a circuit as ``turns:lower``."""
-    if (effect := known_effect(_EARLIER_NAMES.get(name, name))) is None:
-        near = "".join(f"Did you mean {close}? " for close in get_close_matches(name, all_effects(), n=1))
-        raise UsageError(f"{near}Effect must be one of {', '.join(all_effects())}; instead received {name!r}.")
-    return effect
+    effect = known_effect(_EARLIER_NAMES.get(name, name))
+    require_known("Effect", [name] if effect is None else [], all_effects())
+    return cast("Effect", effect)
 
 
 @cache

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from femfit.core.errors import FilterError, TableError
+from femfit.core.errors import TableError, UsageError
 from femfit.core.numerics import FloatArray
+from femfit.core.public import require_known
 from femfit.core.results import Finding, Plotted, Result
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED
 from femfit.estimate.find_noise import FoundNoise, find_noise
@@ -107,8 +108,10 @@ def observe(
     ------
     TableError
         If the record lacks the voltage or every sensor.
+    UsageError
+        If a filter is unknown, or a bias that no filter estimates.
     FilterError
-        If a filter is unknown, or the coil too fast for the record's step.
+        If the coil is too fast for the record's step.
 
     Examples
     --------
@@ -127,10 +130,11 @@ def observe(
             "--column HEADER=time_s."
         )
     names = (filter,) if isinstance(filter, str) else tuple(filter)
-    unknown = [name for name in names if name not in FILTERS]
-    if unknown or not names:
-        raise FilterError(f"A filter must be one of {', '.join(FILTERS)}; instead received {filter!r}.")
+    require_known("A filter", names or [""], FILTERS)
     prepared = prepare(model, series, sensors)
+    require_known("A bias", biases or (), prepared.names)
+    if biases and not any(FILTERS[name][1] for name in names):
+        raise UsageError(f"No bias is estimated by {', '.join(names)}. Leave --biases out, or give --filter ukf4.")
     runs = [follow(prepared, name, biases, noise) for name in names]
     shown = find_noise(runs[0]) if find else None
     error = prepared.model.sample_step.error  # of steps that do not follow what happens within a sample

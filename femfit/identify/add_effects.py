@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from femfit.core.errors import TableError, UsageError
-from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import TEMPERATURES
@@ -33,6 +32,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
+from femfit.tables.units import possible_range
 
 
 def add_effects(
@@ -67,7 +67,7 @@ def add_effects(
     Raises
     ------
     UsageError
-        If no effect has a name, or a temperature is below absolute zero.
+        If no effect has a name, or a temperature is below absolute zero or beyond what any part bears.
     TableError
         If the data cannot show an effect, their noise is unknown, or they are too few.
 
@@ -87,8 +87,9 @@ def add_effects(
     say("Reading")
     temperatures: dict[str, Any] = dict(zip(TEMPERATURES, (coil_temperature_C, magnet_temperature_C), strict=True))
     for name, temperature in temperatures.items():
-        if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
-            raise UsageError(sentence("refusals", "too_cold", name.split("_")[0], temperature, ABSOLUTE_ZERO_C))
+        low, high = possible_range(name)
+        if temperature is not None and not low < temperature <= high:
+            raise UsageError(sentence("refusals", "no_temperature", name.split("_")[0], temperature, low, high))
     model, measured, names = model_of(model), measurement_of(data), _names(effects)
     if runs is None and isinstance(effects, Diagnosis):
         runs = {effect.name: effect.runs for effect in effects.missing if effect.runs}

@@ -173,7 +173,14 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     names = [f"coefficient {k}" for k in used]
     coefficients = np.zeros(matrix.shape[1])
     coefficients[used] = BoundedQP(rows, target, sigma, lower, names=names).solve().x
-    return FieldModel(terms, coefficients, _left_out_rms(rows, target, sigma, lower, current))
+    rms = _left_out_rms(rows, target, sigma, lower, current)
+    if not rms < field.std():
+        raise FitError(
+            f"The lab run does not show which field belongs to a current: fitted to the rest of it, its left-out "
+            f"stretches are wrong by {rms:.3g} T (rms), more than the {field.std():.3g} T by which the field varies. "
+            "Record several cycles between 0 A and the largest current."
+        )
+    return FieldModel(terms, coefficients, rms)
 
 
 def stepped_means(values: FloatArray, size: int) -> FloatArray:

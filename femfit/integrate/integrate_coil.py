@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from femfit.core.errors import TableError
 from femfit.core.files import INTEGRATED, finite_number, replacing, require_outputs
 from femfit.core.numerics import LARGEST
+from femfit.core.public import require_known
 from femfit.core.text import quoted
 from femfit.integrate.feed_forward import SETTLING_S, STILL_A
 from femfit.integrate.field_of_current import (
@@ -186,13 +187,13 @@ def integrate_coil(
 
 def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     """Refuse options that would do nothing, and say what a method lacks."""
-    if method not in OFFSET_SIGMA_V:
-        raise TableError(f"method must be one of {', '.join(OFFSET_SIGMA_V)}; instead received {method!r}.")
+    require_known("method", [method], OFFSET_SIGMA_V)
     options = {entry[0]: arguments[keyword] for keyword, entry in _OPTIONS.items() if arguments[keyword] is not None}
     for option, methods, bound in (entry for entry in _OPTIONS.values() if entry[0] in options):
         number = finite_number(options[option])
         if bound != "path" and (number is None or not _LEAST[bound] <= number < LARGEST):
-            raise TableError(f"{option} must be a number{bound}; instead received {quoted(options[option])}.")
+            limits = f"{bound}, from {_LEAST[bound]:g} to {LARGEST:g}"
+            raise TableError(f"{option} must be a number{limits}; instead received {quoted(options[option])}.")
         if methods and method not in methods:
             raise TableError(
                 f"{option} is for {' and '.join(methods)}; {method} does not use it. Leave it out, or give another "
@@ -308,6 +309,6 @@ def stream_record(
         standard_uncertainty=float(out.sigma(at_the_end)[-1]),
         parts={"noise": float(np.sqrt(out.variance[-1])), **parts},
         offset_V=float(out.offset[-1]),
-        findings=(*watch.findings(), *lacking),
+        findings=(*source.findings, *watch.findings(), *lacking),
         rows=pd.concat(tables, ignore_index=True) if tables else None,
     )

@@ -148,16 +148,15 @@ class CoilIntegral(Result):
     def refuted_by(self) -> tuple[str, ...]:
         """Codes of the findings beside which neither the value at the end nor its uncertainty can be believed.
 
-        A feed-forward method hangs on the coil alone, a filter also on its reference. Innovations that only a wrong
-        gain explains leave the condition that the gain be exact.
+        A feed-forward method hangs on the coil alone. A filter mixes it with its reference: where their gains
+        contradict each other, it is wrong whichever of them is exact.
         """
-        codes = tuple(finding.code for finding in self.findings)
-        spoiled = {"sign", "clipped"}
+        spoiled = {"sign", "clipped", "innovations"}
+        if self.method in FILTERS:
+            spoiled |= {"gain"}
         if self.method == "cs1-offset":
             spoiled |= {"stuck"}
-        if "gain" not in codes:
-            spoiled |= {"innovations"}
-        return tuple(code for code in codes if code in spoiled)
+        return tuple(finding.code for finding in self.findings if finding.code in spoiled)
 
     def __str__(self) -> str:
         return sentence("integral", "coil", self, "coil" if self.method in FEED_FORWARD else "reference")

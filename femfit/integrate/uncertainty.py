@@ -26,8 +26,8 @@ class SensingCoil:
     def __post_init__(self) -> None:
         if not 1.0 / LARGEST <= self.area_m2 < LARGEST:
             raise TableError(
-                f"A coil's total area must be > 0 m2; instead received {self.area_m2:g}. Give turns x area of a turn; "
-                "for a coil wound the other way, change the sign of its voltage."
+                f"A coil's total area must be > 0 m2, from {1.0 / LARGEST:g}; instead received {self.area_m2:g}. Give "
+                "turns x area of a turn; for a coil wound the other way, change the sign of its voltage."
             )
 
 

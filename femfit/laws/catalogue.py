@@ -1,6 +1,6 @@
 """The catalogue of force laws: one tuple."""
 
-from femfit.core.errors import UsageError
+from femfit.core.public import require_known
 from femfit.laws.dipoles import (
     DIPOLE_DISK,
     DIPOLE_LOOP,
@@ -48,6 +48,5 @@ def all_laws() -> dict[str, ForceLaw]:
 def law_by_name(name: str) -> ForceLaw:
     """Look up a law, or :class:`UsageError` with those that there are."""
     laws = all_laws()
-    if name not in laws:
-        raise UsageError(f"Force law must be one of {', '.join(laws)}; instead received {name!r}.")
+    require_known("Force law", [name], laws)
     return laws[name]

@@ -9,6 +9,7 @@ import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.numerics import FloatArray
+from femfit.core.public import require_known
 from femfit.core.results import remembered
 from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import MOST_DELAYED_SAMPLES, FilterKind, chosen_sensors, kalman_filter
@@ -287,8 +288,10 @@ def adjusted(
 
     Raises
     ------
+    UsageError
+        If the controller has no such gain.
     DomainError
-        If a gain is unknown or a bandwidth is not above zero.
+        If a gain is not finite or a bandwidth is not above zero.
     """
     if bandwidth_rad_s is None and not gains:
         return design
@@ -302,11 +305,7 @@ def adjusted(
         controller = design.controller(name)
     else:
         controller = design.bench("exact").designed(name, bandwidth_rad_s)
-    if wrong := [gain for gain in gains or () if gain not in controller.parts]:
-        raise DomainError(
-            f"The gains of this controller are {', '.join(controller.parts)}; instead received {', '.join(wrong)}. "
-            "Name one of them, as in kp=2000."
-        )
+    require_known("A gain of this controller", gains or (), controller.parts)
     if bad := [gain for gain, value in (gains or {}).items() if not np.isfinite(value)]:
         raise DomainError(f"Gains must be finite; instead received {', '.join(bad)}.")
     return replace(design, given={**design.given, name: controller.with_parts(gains) if gains else controller})

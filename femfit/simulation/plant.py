@@ -24,6 +24,7 @@ from casadi import SX
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.public import require_known
 from femfit.core.text import amount
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Magnetics
@@ -179,11 +180,7 @@ def sensor_noise(
         By the sensors' names, in the units of their readings; one number is the first sensor's.
     """
     by_name = noise if isinstance(noise, Mapping) else {} if noise is None else {names[0]: noise}
-    if unknown := [name for name in by_name if name not in names]:
-        raise DomainError(
-            f"Noise must be given for sensors that the loop reads ({', '.join(names)}); instead received "
-            f"{', '.join(unknown)}."
-        )
+    require_known("The noise's sensor", by_name, names)
     result = {}
     for name in names:
         reading = reading_of(model, name)

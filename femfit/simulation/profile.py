@@ -28,6 +28,7 @@ import numpy as np
 
 from femfit.core.errors import DomainError, TableError, UsageError
 from femfit.core.numerics import FloatArray
+from femfit.core.public import require_known
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.device.electrics import Circuit
@@ -82,7 +83,9 @@ class Profile(Printed):
                 f"{value.shape} values."
             )
         if not (np.all(np.isfinite(time)) and np.all(np.isfinite(value)) and np.all(np.diff(time) > 0.0)):
-            raise TableError("A profile's times must ascend, and its times and values must be finite. Sort its rows.")
+            raise TableError(
+                "A profile's times must ascend, and its times and values must be finite. Sort and complete it."
+            )
         object.__setattr__(self, "time_s", time)
         object.__setattr__(self, "value", value)
 
@@ -229,11 +232,7 @@ def _by_name(model: ActuatorModel, commands: Any, option: str) -> Mapping[str, A
             f"{option} must say for which of the circuits {', '.join(names)} it is; instead received one value. Give "
             f"it by their names, as --voltage {','.join(f'{name}=1' for name in names)}."
         )
-    if unknown := [name for name in commands if name not in names]:
-        raise UsageError(
-            f"{option} must name circuits of model {model.name!r} ({', '.join(names)}); instead received "
-            f"{', '.join(unknown)}. Use these names."
-        )
+    require_known(f"The circuit of {option}", commands, names)
     return commands
 
 

@@ -24,6 +24,7 @@ from femfit.tables.units import (
     Channel,
     common_factors,
     other_sign,
+    possible_range,
     suspicion,
 )
 
@@ -181,14 +182,14 @@ def copies(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
     return [changing(remark, lambda frame: frame[~repeated])] if count else []
 
 
-def stuck_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
-    """Stretches of one and the same reading of a bench over settings that change, where others show its noise.
+def faulty_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Readings that are impossible, and stretches of equal ones over settings that change, where others show noise.
 
     Where a reading equals the one before with the chance p, n p^(L - 1) stretches of n readings are longer than L by
     chance. Without a current, where there is one elsewhere, what is computed may be constant; a reading of zero may be
     below the channel's step; a voltage may be commanded.
     """
-    findings: list[Finding] = []
+    findings = _impossible_readings(rows)
     currents = [name for name in map(str, rows) if is_current(name)]
     settings = [*currents, *(name for name in rows if name in _SETTINGS)]
     quantities = {str(name): parts_of(str(name))[0] for name in rows}
@@ -213,28 +214,44 @@ def stuck_readings(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
     return findings
 
 
-def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
-    """Single samples that no actuator has, such as 1e30 A, and those of a record's sensors: missing, stuck or clipped.
+def impossible(values: FloatArray, name: str) -> BoolArray:
+    """Readings of a column that no bench has, such as 1e30 A; many are a wrong unit, where it is often in another."""
+    quantity = parts_of(name)[0]
+    low, high = possible_range(quantity)
+    beyond = (values < low) | (values > high)
+    return beyond & (beyond.mean() <= _MOST_IMPOSSIBLE or not common_factors(quantity))
 
-    Many that no actuator has are a wrong unit, and stay; what was computed may stand still, and so may one channel
-    where all that move were computed.
-    """
+
+def _impossible_readings(rows: pd.DataFrame) -> list[Finding]:
+    """Beside which each column goes on without them."""
     findings: list[Finding] = []
+    for name in map(str, rows):
+        values = rows[name].to_numpy(dtype=np.float64)
+        beyond = impossible(values, name)
+        if beyond.any():
+            low, high = possible_range(parts_of(name)[0])
+            first, count = int(np.argmax(beyond)), int(beyond.sum())
+            place = f" at {rows['time_s'].iloc[first]:.6g} s" if "time_s" in rows else ""
+            facts = {"readings": count, "limits": f"{low:g} to {high:g}", "first": values[first], "place": place}
+            findings.append(set_aside(finding("outliers impossible", size=float(count), column=name, **facts), beyond))
+    return findings
+
+
+def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]:
+    """Impossible samples, and those of a record's sensors: missing, stuck or clipped.
+
+    What was computed may stand still, and so may one channel where all that move were computed.
+    """
+    findings = _impossible_readings(rows)
     time = rows["time_s"].to_numpy()
     sensors = [name for name in map(str, rows) if CHANNELS.get(parts_of(name)[0], Channel()).sensor]
     moving = [values for name in sensors if len(np.unique(values := rows[name].dropna().to_numpy())) > 1]
     simulated = bool(moving) and all(map(_is_computed, moving))
     for name in map(str, rows):
-        channel, values = CHANNELS.get(parts_of(name)[0], Channel()), rows[name].to_numpy()
-        beyond, missing = np.abs(values) > channel.possible, int(np.isnan(values).sum())
-        if beyond.any() and beyond.mean() <= _MOST_IMPOSSIBLE:
-            count, first = int(beyond.sum()), int(np.argmax(beyond))
-            facts = {"limit": channel.possible, "first": values[first], "time": time[first]}
-            remark = finding("outliers impossible", size=float(count), column=name, readings=count, **facts)
-            findings.append(set_aside(remark, beyond))
-            values = np.where(beyond, np.nan, values)
+        sensor, values = CHANNELS.get(parts_of(name)[0], Channel()).sensor, rows[name].to_numpy()
+        missing, values = int(np.isnan(values).sum()), np.where(impossible(values, name), np.nan, values)
         readable = np.isfinite(values)
-        if not (channel.sensor and readable.any()):
+        if not (sensor and readable.any()):
             continue
         if missing:
             findings.append(finding("cells missing", size=missing, column=name, cells=missing))
@@ -255,7 +272,7 @@ def faulty_samples(rows: pd.DataFrame, _model: Expected | None) -> list[Finding]
     return findings
 
 
-BENCH_CHECKS: tuple[Check, ...] = (suspected_units, stuck_readings)
+BENCH_CHECKS: tuple[Check, ...] = (suspected_units, faulty_readings)
 """Of readings at rest, once their copies are left out and they stand in order."""
 
 RECORD_CHECKS: tuple[Check, ...] = (faulty_samples, suspected_units)

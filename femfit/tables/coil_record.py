@@ -7,9 +7,10 @@ NaN. Its sidecar, ``NAME.toml`` or ``NAME.json`` beside it, says ``sample_rate_H
 A stretch of a coil record: what a search coil, a Hall probe and a current sensor read. numpy only.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,12 @@ from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 from femfit.core.errors import TableError
 from femfit.core.files import path_of, read_settings, reading
 from femfit.core.numerics import LARGEST, BoolArray, FloatArray, IntArray
+from femfit.core.results import Finding
 from femfit.core.text import quoted
+from femfit.tables.checks import impossible
 from femfit.tables.columns import UsedColumn, match_columns
-from femfit.tables.containers import is_container
-from femfit.tables.findings import refused
+from femfit.tables.containers import is_container, require_no_choice
+from femfit.tables.findings import finding, refused
 from femfit.tables.raw_table import AGAIN, EMPTY, check_width, find_decimal, looks_numeric, typed_numbers
 from femfit.tables.reading import Wants, Words, read_raw_table, require_single_names, words_of
 from femfit.tables.text_table import decode, find_layout
@@ -77,22 +80,36 @@ class CoilRecord:
     used: tuple[UsedColumn, ...]  # The time and what else is read, each with its header and its factor to SI
     samples: int | None  # Rows; None where only reading shows it (CSV)
     tables: Tables
+    unused: tuple[Finding, ...] = ()  # Which columns are not read
+    # Samples that the blocks read last left out, by what is said of them and their column
+    lost: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns in the file, without the time."""
         return tuple(name for name in COLUMNS if name in {column.name for column in self.used})
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is not used of the file: columns, and samples of the blocks that were read."""
+        lost = ((key, name, count) for (key, name), count in self.lost.items() if count)
+        return (*self.unused, *(finding(key, column=name, size=count, cells=count) for key, name, count in lost))
+
     def blocks(self, rows: int = BLOCK_ROWS) -> Iterator[CoilBlock]:
         """The record's blocks in order; rows without a time or a voltage are left out and show as gaps."""
         before, count = -np.inf, 0
+        self.lost.clear()
         with reading(self.source, AGAIN, " as a coil record"):
             for table in self.tables(rows):
                 read = {}
                 for use in self.used:
                     cells = table[use.header]
                     read[use.name] = use.factor * typed_numbers(cells)
-                    bad = cells[np.isnan(read[use.name]) & cells.notna()]
+                    missing, beyond = np.isnan(read[use.name]), impossible(read[use.name], use.name)
+                    self.lost["cells missing", use.name] += int(missing.sum()) if use.name in COIL.needs else 0
+                    self.lost["cells impossible", use.name] += int(beyond.sum())
+                    read[use.name][beyond] = np.nan
+                    bad = cells[missing & cells.notna()]
                     if len(bad) and cells.dtype.kind not in "iuf":
                         facts = {"header": quoted(use.header), "cell": quoted(bad.iloc[0])}
                         raise refused("numbers-needed", source=self.source, **facts)
@@ -131,19 +148,23 @@ def open_coil_record(
     content: Record
     if isinstance(record, pd.DataFrame):
         source, names = IN_MEMORY, list(map(str, record))
+        require_no_choice(source, table)
         content = names, len(record), lambda _: iter([record.set_axis(names, axis=1)])
     else:
         path = path_of(record, "A coil record")
         source = str(path)
         if not path.is_file():
             raise refused("no-record", path=path)
-        words = words if path.suffix in RAW_SUFFIXES else words_of(path, words)
+        raw_record = path.suffix in RAW_SUFFIXES
+        words = words if raw_record else words_of(path, words)
         with reading(path, AGAIN, " as a coil record"):
-            if path.suffix in RAW_SUFFIXES:
+            contained = not raw_record and is_container(path)
+            require_no_choice(source, None if contained else words.table)
+            if raw_record:
                 content = _raw_record(path)
             elif path.suffix == ".parquet":
                 content = _parquet_record(path)
-            elif is_container(path):
+            elif contained:
                 raw = read_raw_table(path, COIL.what, (COIL,), words)
                 frame = pd.DataFrame(raw.numbers, columns=raw.headers)
                 pieces = lambda rows: (frame[k : k + rows] for k in range(0, len(frame), rows))  # noqa: E731
@@ -155,7 +176,7 @@ def open_coil_record(
     require_single_names(headers, source)
     used, findings = match_columns(headers, source, COIL.names, words.columns, words.units)
     COIL.require([column.name for column in used], headers, source, used, findings)
-    return CoilRecord(source, tuple(used), samples, tables)
+    return CoilRecord(source, tuple(used), samples, tables, tuple(findings))
 
 
 Record = tuple[list[str], int | None, Tables]

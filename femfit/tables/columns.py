@@ -19,6 +19,7 @@ from femfit.tables.findings import finding, refused
 from femfit.tables.header import Likeness, find_header, matching_headers, parse_header, score
 from femfit.tables.measurement import CHANNELS, SETTINGS
 from femfit.tables.raw_table import EMPTY, RawTable, clock_seconds, looks_numeric
+from femfit.tables.units import CHANNELS as REGISTRY
 from femfit.tables.units import column_unit, given_factor, unit_factor
 
 BENCH_COLUMNS = (*SETTINGS, *CHANNELS)
@@ -194,10 +195,19 @@ def remedy_for_columns(unused: Sequence[str], needed: Sequence[str]) -> str:
     ----------
     needed : sequence of str
         Columns that are missing, or of which one is, the most wanted first.
+
+    Examples
+    --------
+    >>> for headers in (["run", "force_N"], ["run", "Kanal 1"]):
+    ...     print(remedy_for_columns(headers, ["time_s"]).partition("with ")[2])
+    --column HEADER=time_s.
+    --column 'Kanal 1=time_s'.
     """
     if not unused:
         return f"Add {needed[0]}."
-    options = column_options(unused, needed, Likeness.WORD, Likeness.UNIT) or [column_option(unused[0], needed[0])]
+    free = (header for header in unused if max(score(parse_header(header), name) for name in REGISTRY) < Likeness.MAYBE)
+    options = column_options(unused, needed, Likeness.WORD, Likeness.UNIT)
+    options = options or [column_option(next(free, "HEADER"), needed[0])]
     return (
         f"Not used: {listing(unused, 20)}. Rename columns, or say what they are, for example with {' '.join(options)}."
     )

@@ -83,14 +83,19 @@ def parse_table(
             warnings.simplefilter("ignore")  # of a file's styles, titles or index, which no number depends on
             tables, remark = _READERS[kind](content, source)
         return _chosen(tables, remark, source, table, wanted)
-    if table is not None:
-        raise TableError(f"{source} holds one table, so that --table {quoted(table)} has no meaning. Leave it out.")
+    require_no_choice(source, table)
     if not content.startswith(b"PAR1") and not source.endswith(".parquet"):
         return parse_text(content, source, **dialect)
     with reading(source, AGAIN, " as Parquet"):
         frame = pd.read_parquet(io.BytesIO(content))
     indexed = any(level is not None for level in frame.index.names)
     return typed_table(frame.reset_index() if indexed else frame, source, "Parquet")
+
+
+def require_no_choice(source: str, table: str | None) -> None:
+    """Refuse the name of a table where there is only one."""
+    if table is not None:
+        raise TableError(f"{source} holds one table, so that --table {quoted(table)} has no meaning. Leave it out.")
 
 
 def container_kind(content: bytes, source: str) -> str:

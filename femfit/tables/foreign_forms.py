@@ -14,6 +14,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
+from femfit.core.public import require_known
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import COLUMNS
 from femfit.core.text import quoted
@@ -32,6 +33,9 @@ AXES = REQUIRED[:2]
 WORDS = {column_unit(name)[0]: name for name in SWEPT}
 """What users call a column, without its unit."""
 
+
+ACCEPTABLE = ("cells", "contradictions", "distance", "one-current", "one-distance", "suspected-unit", "reciprocity")
+"""Codes of errors in spite of which a table is one."""
 
 _CHOICES = {"matrix_rows": ("auto", "distance", "current"), "decimal": (None, ".", ",")}
 
@@ -75,6 +79,8 @@ class ImportOptions(Words):
                 raise TableError(f"{name} must be one of {listed}; instead received {quoted(choice)}.")
         object.__setattr__(self, "columns", {header: _column(name) for header, name in self.columns.items()})
         object.__setattr__(self, "units", {_column(key): unit for key, unit in self.units.items()})
+        require_known("without", self.without, [name for name in WORDS if WORDS[name] not in REQUIRED])
+        require_known("accept", self.accept, ACCEPTABLE)
         object.__setattr__(self, "without", tuple(map(_column, self.without)))
 
 

@@ -163,7 +163,8 @@ def _bench_table(raw: RawTable, words: Words, planned: bool = False) -> BenchTab
         rows = rows if branch is None else rows.assign(branch=branch)
     rows, doubts = checked(rows.assign(mount=rows["mount"].fillna(rows["run"])), () if planned else BENCH_CHECKS)
     findings += [*remarks, *unused, *doubts]
-    return BenchTable(rows, filled, noise, tuple(findings), Path(raw.source).name, **words.texts)
+    given = tuple(name for name in filled if name in empty or rows[name].notna().any())
+    return BenchTable(rows, given, noise, tuple(findings), Path(raw.source).name, **words.texts)
 
 
 def _time_series(raw: RawTable, words: Words) -> TimeSeries:

@@ -23,8 +23,12 @@ from femfit.tables.findings import finding, refused
 from femfit.tables.header import circuit_columns, matching_headers, parts_of
 from femfit.tables.measurement import OF_RUNS, SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
+from femfit.tables.units import possible_range
 
 _EXAMPLE = "force_N = 2e-4"
+_MISSPELT = 0.75
+"""Assumed: likeness of a table's name from which another one is meant."""
+
 _OF_OTHERS = frozenset({"schema", "sweep", "sample_rate_Hz"})
 """Keys that an actuator file, or the layout of a raw coil record, has and a sidecar does not."""
 
@@ -109,6 +113,10 @@ def constant_settings(settings: Mapping[str, Any], where: str) -> dict[str, floa
         if column is None or column.assumed or number is None:
             raise refused("no-setting", where=where, settings=", ".join(SETTINGS), line=quoted(f"{key} = {value}"))
         result[column.name] = column.factor * number
+        low, high = possible_range(parts_of(column.name)[0])
+        if not low <= result[column.name] <= high:
+            line, limits = quoted(f"{key} = {value}"), f"{low:g} to {high:g}"
+            raise refused("impossible-setting", where=where, column=column.name, limits=limits, line=line)
     return result
 
 
@@ -125,23 +133,28 @@ def declared_noise(
     listed = _lines(beside.pop("noise", {}), "noise", f"[noise] of {words.sidecar}")
     of_runs = _lines(listed.pop("run", {}), "noise", f"[noise.run] of {words.sidecar}")
     listed |= {OF_RUNS + key: value for key, value in of_runs.items()}
-    findings, loose = [], {key: value for key, value in beside.items() if key not in listed}
-    for key, value in list(loose.items()):
+    findings, loose = [], dict(beside)
+    for key, value in beside.items():
         # What nobody calls noise may be a table of another kind of file, a drawing's [hall] say
-        meant = not isinstance(value, dict) and _channel(key, channels, used)
-        if not meant and (isinstance(value, dict) or not get_close_matches(key[:100], channels, n=1)):
+        kind = isinstance(value, dict)
+        if kind and (near := get_close_matches(key.casefold()[:100], _LINES, n=1, cutoff=_MISSPELT)):
+            raise refused("misspelt-table", key=quoted(key), file=words.sidecar, near=near[0])
+        if kind or not (_channel(key, channels, used) or get_close_matches(key[:100], channels, n=1)):
             del loose[key]
             facts = {"key": quoted(key), "file": Path(str(words.sidecar)).name, "channels": ", ".join(channels)}
             findings.append(finding("unused-setting", **facts))
     noise = {}
-    for where, entries in ((words.sidecar, loose | listed), ("the declared noise", words.noise)):
-        for key, value in entries.items():
+    for where, entries in ((words.sidecar, (loose, listed)), ("the declared noise", (words.noise,))):
+        keys: dict[str, str] = {}
+        for key, value in (line for lines in entries for line in lines.items()):
             column, sigma = _channel(key, channels, used), finite_number(value)
             if column is None:
                 raise refused("noise-of-no-channel", key=quoted(key), where=where, channels=", ".join(channels))
             if sigma is None or sigma <= 0.0:
                 raise refused("no-noise", key=quoted(key), where=where, value=quoted(value))
-            noise[column.name] = sigma * column.factor
+            if first := keys.get(column.name):
+                raise refused("noise-twice", where=where, name=column.name, first=quoted(first), second=quoted(key))
+            noise[column.name], keys[column.name] = sigma * column.factor, key
     return noise, findings
 
 

@@ -30,6 +30,7 @@ class Channel:
     circuits: str = ""
     sensor: bool = False
     usual: float = math.inf
+    least: float = -math.inf
     possible: float = math.inf
     units: Sequence[str] = ()
 
@@ -133,6 +134,12 @@ def column_unit(column: str) -> tuple[str, str]:
     if column.endswith("_m_s2"):
         return column.removesuffix("_m_s2"), "m/s2"
     return (stem, "degC" if unit == "C" else unit) if stem else (column, "")
+
+
+def possible_range(column: str) -> tuple[float, float]:
+    """Between which numbers a column of one circuit lies on every bench."""
+    channel = CHANNELS.get(column, Channel())
+    return max(channel.least, -channel.possible), channel.possible
 
 
 LEAST_READINGS = 8

@@ -157,7 +157,7 @@ def test_options_of_an_import_reach_its_reader(tmp_path):
 def test_an_empty_name_keeps_its_place_among_the_names_of_columns(tmp_path):
     rows = [f"0.00{11 + k},{0.3 + k / 100},{0.2 + k / 100},{0.1 + k / 100}" for k in range(5)]
     (tmp_path / "matrix.csv").write_text("\n".join(rows))
-    line = "import matrix.csv -o out --matrix-rows distance --unit distance=m --accept all --columns"
+    line = "import matrix.csv -o out --matrix-rows distance --unit distance=m --columns"
     worked(*line.split(), ",0 A,0.5 A,1 A", cwd=tmp_path)
     assert sorted(read_sweep_table(tmp_path / "out").rows["current_A"].unique()) == [0.0, 0.5, 1.0]
 

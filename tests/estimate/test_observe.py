@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.core.errors import FilterError, MissingPartError, TableError
+from femfit.core.errors import FilterError, MissingPartError, TableError, UsageError
 from femfit.core.text import amount
 from femfit.estimate.find_noise import FoundNoise, NoiseEstimate, find_noise, with_noise
 from femfit.estimate.follow import innovations_of
@@ -165,7 +165,6 @@ def test_the_true_noise_lies_in_its_interval_in_most_of_20_records():
 @pytest.mark.parametrize(
     ("options", "columns", "said"),
     [
-        ({"filter": "kf"}, ("voltage_V", "current_A"), "ukf4"),
         ({"sensors": ("radar",)}, ("voltage_V", "current_A"), "radar"),
         ({"sensors": ("laser",)}, ("voltage_V", "current_A"), "laser"),
         ({}, ("current_A", "distance_m"), "voltage_V"),
@@ -236,3 +235,16 @@ def test_a_filter_that_is_nowhere_near_the_readings_finds_no_noise():
     seen = ff.observe(damped(), logs(600, 1, seed=3)[1][0], find=False).filters[0]
     away = replace(seen.prepared, readings=1e200 * seen.prepared.readings)
     assert find_noise(replace(seen, prepared=away)) is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"filter": "kf"}, "Did you mean ukf.*ekf4"),
+        ({"filter": "ukf4", "biases": ("nix",)}, "A bias must be one of"),
+        ({"biases": ("laser",)}, "No bias is estimated by ukf"),
+    ],
+)
+def test_a_filter_or_a_bias_that_there_is_not_is_answered_with_those_that_there_are(log, options, words):
+    with pytest.raises(UsageError, match=words):
+        ff.observe(damped(), log[1], **options)

@@ -54,18 +54,19 @@ COARSE = coarse(RECORD)
         (CLIPPED, {"coil_area_m2": AREA}, "clipped", True),
         (CLIPPED[["time_s", "coil_voltage_V"]], {"method": "trapezoid"}, "clipped", True),
         (CLIPPED[:4000], {"coil_area_m2": AREA}, "clipped", True),
+        # A column of another unit, which spoils what is mixed of coil and probe, not the coil alone
+        (RECORD.assign(hall_T=1e3 * RECORD["hall_T"]), {"coil_area_m2": AREA}, "gain", True),
+        (RECORD.assign(hall_T=1e3 * RECORD["hall_T"]), {"coil_area_m2": AREA, "method": "trapezoid"}, "gain", False),
     ],
 )
-def test_the_column_that_repeats_a_reading_is_named_and_numbers_that_rest_on_it_are_refuted(
-    rows, options, code, refuted
-):
+def test_the_column_that_cannot_be_is_named_and_numbers_that_rest_on_it_are_refuted(rows, options, code, refuted):
     integral = integrate_coil(rows, **options)
     codes = {finding.code for finding in integral.findings}
     assert codes - {"innovations"} == {code}
     assert (code in integral.refuted_by) == refuted
-    word = {"clipped": "converter"}.get(code, "Hall probe, which")
-    for finding in integral.findings:
-        assert finding.code != "innovations" or word in str(finding).split("Suspect:")[1]
+    innovations = [str(finding) for finding in integral.findings if finding.code == "innovations"]
+    word = {"clipped": "converter", "gain": "area"}.get(code, "Hall probe, which")
+    assert all(word in text.split("Suspect:")[1] for text in innovations)
 
 
 SWING = 0.5 * (1.0 - np.cos(TIME))

@@ -71,3 +71,11 @@ def test_a_run_without_current_or_of_both_polarities_is_refused(amplitude, words
     current = amplitude * np.sin(time)
     with pytest.raises(FitError, match=words):
         identify_field([LabRun(time, current, 0.1 * current)])
+
+
+def test_a_run_too_short_to_foresee_its_own_stretches_is_refused():
+    time, rng = np.arange(400) / 100.0, np.random.default_rng(3)
+    current = 320.0 * np.clip(2.0 * (time - 1.0), 0.0, 1.0)
+    noisy = current / 320.0 + 1e-3 * rng.normal(size=400)
+    with pytest.raises(FitError, match="several cycles"):
+        identify_field([LabRun(time, current + 1e-4 * rng.normal(size=400), noisy)])

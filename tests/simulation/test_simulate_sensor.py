@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 import femfit as ff
-from femfit.core.errors import DomainError, FilterError, UsageError
+from femfit.core.errors import FilterError, UsageError
 from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
 from femfit.simulation.loop import _Watch
@@ -124,7 +124,7 @@ def test_noise_is_given_by_name_or_for_the_first_sensor(several):
     names = ("laser", "ammeter")
     for given, noises in ((None, [1e-6, 1e-3]), (2e-6, [2e-6, 1e-3]), ({"ammeter": 0.0}, [1e-6, 0.0])):
         assert sensor_noise(several, names, given) == dict(zip(names, noises, strict=True))
-    with pytest.raises(DomainError, match="hall"):
+    with pytest.raises(UsageError, match="hall"):
         sensor_noise(several, names, {"hall": 1.0})
 
 

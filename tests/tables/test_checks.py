@@ -66,7 +66,7 @@ CASES = {
     "size": (checks.suspected_units, "suspected-unit"),
     "limits": (checks.suspected_units, "suspected-unit"),
     "copies": (checks.copies, "copies"),
-    "stuck": (checks.stuck_readings, "stuck"),
+    "stuck": (checks.faulty_readings, "stuck"),
     "outliers": (outliers.outliers, "outliers"),
     "impossible": (checks.faulty_samples, "outliers"),
     "samples": (checks.faulty_samples, "stuck"),
@@ -119,7 +119,11 @@ RIGHT = {
         lambda: scaled(bench(), "force_N", 1.2),
         lambda: spoilt(bench(), "force_N", slice(0, 21), lambda force: 1.5 * force),
     ],
-    "impossible": [record, lambda: scaled(record(1), "current_A", 1e9), lambda: record(2)[["run", "time_s"]]],
+    "impossible": [
+        record,
+        lambda: scaled(record(1), "current_A", 1e9),
+        lambda: record(2)[["run", "time_s"]].assign(coil_temperature_C=-196.0),
+    ],
     "samples": [
         record,
         lambda: record(1).round({"current_A": 2}),

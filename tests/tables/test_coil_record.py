@@ -45,6 +45,22 @@ def test_what_is_written_is_read_in_blocks(name, tmp_path):
     assert all(block.current is None for block in blocks)
 
 
+def test_what_is_not_used_of_a_record_is_said(tmp_path):
+    table = TABLE.rename(columns={"hall_T": "hall_xT"})
+    table.loc[::4, "coil_voltage_V"] = np.nan
+    table.loc[3, "coil_voltage_V"] = 1.42e21
+    table.to_csv(tmp_path / "a.csv", index=False)
+    record = open_coil_record(tmp_path / "a.csv")
+    assert sum(map(len, record.blocks(rows=300))) == 749
+    assert [str(remark) for remark in record.findings] == [
+        "Not used: hall_xT. Where one is meant, say --column hall_xT=hall_T.",
+        "250 samples of coil_voltage_V are missing.",
+        "1 sample of coil_voltage_V is beyond what is possible and counts as missing.",
+    ]
+    with pytest.raises(TableError, match="holds one table"):
+        open_coil_record(tmp_path / "a.csv", table="x")
+
+
 def test_a_sound_card_records_a_coil(tmp_path):
     samples = np.rint(2**14 * np.sin(0.1 * np.arange(900)))
     wavfile.write(tmp_path / "a.wav", 44100, samples.astype(np.int16))

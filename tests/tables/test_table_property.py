@@ -19,6 +19,7 @@ from support.force_law import Law
 from support.reference import REFERENCE, needs_reference
 
 QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+ACCEPT_ALL = ("cells", "contradictions", "one-current", "one-distance", "suspected-unit", "reciprocity")
 WRITTEN_AS = {
     "current_A": ("current", ["A", "mA"]),
     "distance_m": ("distance", ["mm", "m", "um"]),

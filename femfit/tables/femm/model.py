@@ -140,7 +140,7 @@ class FemModel:
     source: str
     problem_type: str
     frequency: float
-    unit: str
+    unit: str  # Empty where the file names none; FEMM takes inches
     comment: str
     points: tuple[FemPoint, ...]
     lines: tuple[FemLine, ...]
@@ -221,6 +221,8 @@ def with_limits(model: FemModel, notes: Notes) -> FemModel:
     """The model with materials that an actuator file can hold; what cannot be taken of its properties is reported."""
     if model.frequency:
         notes.say("frequency", frequency=model.frequency)
+    if not model.unit:
+        notes.say("inches")
     used = [label for label in model.labels if label.meshed and not label.external]
     taken = {label.material: label.material for label in used}
     for material in taken:

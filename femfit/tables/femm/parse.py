@@ -194,8 +194,8 @@ def parse_fem(content: bytes, source: str) -> model.FemModel:
         lacks = ", ".join(f"[{name}]" for name in missing)
         what = f"it is no FEMM magnetics file of format 4.0: {lacks} missing."
         raise FemFileError(source, [f"{what} Give a .fem file as FEMM saves it."])
-    unit = header.get("lengthunits", "inches").lower()
-    if (unit_m := unit_factor(unit, "m")) is None:
+    unit = header.get("lengthunits", "").lower()
+    if (unit_m := unit_factor(unit or "inches", "m")) is None:
         needed = "inches, millimeters, centimeters, mils, microns, micrometers or meters"
         unit_m = reader.fault(f"[LengthUnits] must be {needed}; instead received {unit[:40]!r}.", 1.0)
     reader.unit_mm = 1e3 * unit_m
