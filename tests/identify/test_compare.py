@@ -237,7 +237,7 @@ def test_one_reading_does_not_say_what_a_misfit_is_everywhere(levitation_model):
 
 @pytest.mark.parametrize(
     ("offset_V", "gain", "said"),
-    [(0.03, 1.0, "30 mV high everywhere"), (0.0, 0.9, "10 % nearer to the quiescent voltage than predicted everywhere")],
+    [(0.03, 1.0, " 30 mV high everywhere"), (0.0, 0.9, " 10 % nearer to the quiescent voltage than predicted every")],
 )
 def test_a_hall_output_below_its_quiescent_voltage_that_is_shifted_up_is_high(levitation_model, offset_V, gain, said):
     """A shift is a share of what hardly varies; whichever of the two leaves less is said."""

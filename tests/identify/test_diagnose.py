@@ -1,6 +1,7 @@
 """The decision on campaigns whose truth is known: nothing, something known or unknown, too little to say."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Block, detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose, said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
-from femfit.identify.decision.naming import decide
+from femfit.identify.decision.naming import decide, has_idle
+from femfit.identify.decision.search import Posterior
 from femfit.identify.misfit import ChannelFall, ErrorFall
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.suggest import suggest
@@ -371,3 +373,13 @@ def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_ref
 
 def test_all_probabilities_make_one(found):
     assert sum(found.probability.values()) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("chi2_alone", "needed"), [(202.1, False), (203.0, False), (212.0, True)])
+def test_of_two_effects_that_act_alike_one_is_named_where_it_leaves_as_little_as_both(chi2_alone, needed):
+    """An unusual size is less unusual in halves, so that the evidence alone prefers both."""
+    alone = SimpleNamespace(fit=SimpleNamespace(chi2=chi2_alone, active=np.array([False])))
+    both = SimpleNamespace(fit=SimpleNamespace(chi2=202.1, active=np.array([False, False])))
+    names = frozenset({"current_offset", "core_remanence"})
+    posterior = Posterior({frozenset({"current_offset"}): alone, names: both})
+    assert [has_idle(posterior, some) for some in (names, names - {"core_remanence"})] == [not needed, False]

@@ -11,11 +11,13 @@ from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
 from femfit.identify.constants import CERTAIN, LEVEL
 from femfit.identify.decision.campaign import Campaign, considered_effects, detectable_magnitudes, gather
-from femfit.identify.decision.naming import Decision, NamedEffect, decide, look_alikes, named_effects
+from femfit.identify.decision.naming import Decision, decide, look_alikes
 from femfit.identify.decision.remarks import (
+    NamedEffect,
     ScoredEffect,
     campaign_remarks,
     creeping_zeros,
+    named_effects,
     ranking_of,
     scored,
     stage_errors,

@@ -9,13 +9,12 @@ than any list holds, so that a constant error of each channel is always among th
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
 from femfit.core.numerics import ranked
-from femfit.effects.words import describe
 from femfit.identify.constants import (
     BEYOND_NOISE,
     EXPLAINED,
@@ -84,29 +83,6 @@ class Decision:
         return {each.names: fit for each, fit in ranked(refitted, lambda pair: pair[0].log_evidence, ROUNDING)}
 
 
-@dataclass(frozen=True)
-class NamedEffect:
-    """An effect that the verdict names."""
-
-    name: str
-    members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
-    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
-    explained_share: float  # Part of the structured misfit, above the noise, that all that is named explains
-    parameters: Mapping[str, float]
-    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
-    words: tuple[str, ...] = ()
-    tied_words: tuple[tuple[str, ...], ...] = ()  # Of the others of the tie, in their order
-    plausible: bool = True  # Whether every parameter lies in its plausible range
-    # First and last run in which it acts, counted from 1; None for all
-    runs: tuple[int, int] | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data; ``members`` is called ``class``."""
-        when = dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
-        rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
-        return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
-
-
 def fails_surely(campaign: Campaign) -> bool:
     """Whether something is missing, whatever a search for its name would find."""
     return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
@@ -140,7 +116,11 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
     posterior, unknown = decision.posterior, _KINDS[decision.verdict][1]
     # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
     order = {name: k for k, name in enumerate(campaign.variants)}
-    likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
+    likely = {
+        names: p
+        for (names, beside), p in posterior.probability.items()
+        if names and beside == unknown and not has_idle(posterior, names)
+    }
     near = [names for names, p in likely.items() if p >= IN_CLASS * max(likely.values())]
     near.sort(key=lambda names: sorted(order[name] for name in names))
     near = ranked(near, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
@@ -209,6 +189,20 @@ def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], 
     return sorted(alike, key=lambda names: np.count_nonzero(~fits[names].active) if names in fits else 0)
 
 
+def has_idle(posterior: Posterior, names: frozenset[str]) -> bool:
+    """Whether some effects of a set leave as little as all of it, but for what noise gives a parameter on average.
+
+    Of two that change the readings alike the evidence prefers both to one of twice the size, which is less usual.
+    """
+    fits = {others: each.fit for others, each in posterior.explanations.items() if others <= names}
+    whole = fits.pop(names, None)
+    return whole is not None and any(
+        fit.chi2 - whole.chi2 <= np.count_nonzero(~whole.active) - np.count_nonzero(~fit.active)
+        for fit in fits.values()
+        if fit
+    )
+
+
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
     """What may stand for one of the named effects, the others the same; the most probable first."""
     rest = near[0] - {name}
@@ -272,28 +266,3 @@ def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]
             if most >= length:
                 result[name] = min(result.get(name, np.inf), float(odds))
     return result
-
-
-def named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
-    """What is named, each effect with its class and the sizes of those that are as likely."""
-    by_name = {added.effect.name: added for added in fit.effects}
-    exchanged = {frozenset(each.names): each.fit for each in decision.remaining if each.fit}
-    nominal, result = campaign.observations.nominal, []
-    for members, tie in zip(decision.classes, decision.ties, strict=True):
-        added, beside = by_name[members[0]], set(fit.names) - {members[0]}
-        refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        exchanges = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
-        named = NamedEffect(
-            name=members[0],
-            members=members,
-            tie=tie,
-            explained_share=campaign.explained_share(fit, excess),
-            parameters=dict(added.parameters),
-            ci95=dict(added.ci95),
-            words=tuple(describe(added, nominal)),
-            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in exchanges),
-            plausible=plausible(added),
-            runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
-        )
-        result.append(named)
-    return tuple(result)
