@@ -213,6 +213,8 @@ def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitat
     assert alone.missing[0].name == "constant_force"
     assert not alone.confident
     assert "a constant error of the force" in alone.look_alikes
+    # What is a question of a list is not said to fit these readings
+    assert "the cause and not listed, this name would have been given" in said_of(alone, "certainty")
 
 
 @pytest.fixture(scope="module")
