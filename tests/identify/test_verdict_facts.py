@@ -225,7 +225,15 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
     without_it = compare(drawn, campaign(drawn, 43, **SIZE))
     for sound in (with_it, without_it):  # nothing to say of a spring that the readings do not show
         assert "drawn-spring" not in {one.code for one in sound.findings}
-    assert "drawing has a spring" in why_untestable(effect_by_name("spring"), bench_observations(drawn, table))
+
+
+def test_a_stray_spring_beside_a_drawn_one_is_named_or_leaves_nothing_certain():
+    """With the drawn one's free length it is a part of its force; with another one it is none."""
+    drawn = replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(300.0, 0.0, 9e-3),)))
+    for stray, name in ((Spring(60.0, 0.0, 9e-3), "spring_in_force"), (Spring(100.0, 0.8, 6e-3), "spring")):
+        found = diagnose(drawn, campaign(drawn, 43, change=carrying(stray), **SIZE))
+        assert (found.verdict, [one.name for one in found.missing]) == ("named", [name])
+        assert not found.confident or name == "spring"
 
 
 @pytest.mark.nightly

@@ -225,14 +225,16 @@ def _as_its_own(campaign: Campaign) -> bool:
 def look_alikes(campaign: Campaign, decision: Decision) -> tuple[str, ...]:
     """Effects that would have been given the chosen names on these data, had they been the cause and not been listed.
 
-    First the others of the classes, then those of further explanations that the data leave, then examples, the most
-    alike first.
+    First the others of the classes, then those of further explanations that the data leave, then of no more effects that
+    leave no more of the readings, however improbable, then examples, the most alike first.
     """
     chosen = decision.chosen
     if chosen is None or chosen.fit is None or chosen.linear is None:
         return ()
     rivals = [name for members in decision.classes for name in members[1:]]
     rivals += [n for each in decision.remaining if not set(chosen.names) <= set(each.names) for n in each.names]
+    as_near = (names for names, fit in decision.fits.items() if fit.chi2 <= chosen.fit.chi2)
+    rivals += [n for names in as_near if len(names) <= len(chosen.names) for n in names]
     examples = ranked(list(_noticed(campaign, chosen.fit, chosen.linear).items()), lambda pair: -pair[1], NUMERIC)
     rivals += [name for name, odds in examples if odds < NOTICED]
     return tuple(name for name in dict.fromkeys(rivals) if name not in chosen.names)
