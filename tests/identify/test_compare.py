@@ -93,6 +93,8 @@ def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model
         table = campaign(levitation_model, seed, runs=2, mount_m=20e-6, rho=0.0, noise=noise)
         comparison = compare(levitation_model, table)
         assert comparison.noise.mount_assumed
+        assert "(from few mounts and what is usual)" in str(comparison)
+        assert ("Declare distance_mm" in str(comparison)) == bool(comparison.beyond_noise)
         declared = compare(levitation_model, replace(table, declared_noise={"distance_m": 20e-6}))
         beyond.append((comparison.verdict == "agrees", bool(comparison.beyond_noise), bool(declared.beyond_noise)))
     agreeing, assumed, known = np.sum(beyond, axis=0)

@@ -225,8 +225,8 @@ def _as_its_own(campaign: Campaign) -> bool:
 def look_alikes(campaign: Campaign, decision: Decision) -> tuple[str, ...]:
     """Effects that would have been given the chosen names on these data, had they been the cause and not been listed.
 
-    First the others of the classes, then those of further explanations that the data leave, then of improbable ones of no
-    more effects that leave no more of the readings, then examples, the most alike first.
+    First the others of the classes, then those of further explanations that the data leave, then of improbable ones
+    that leave no more of the readings by no more effects, then examples, the most alike first.
     """
     chosen = decision.chosen
     if chosen is None or chosen.fit is None or chosen.linear is None:
