@@ -120,6 +120,7 @@ def test_of_equal_causes_the_one_with_fewer_parameters_stands_first_and_all_are_
     # What stands in the first line is not said to be a further cause
     further = set(named.members) - set(named.tie)
     assert ("would give the same readings as well" in said_of(found, "certainty")) == bool(further)
+    assert json.loads(json.dumps(found.to_dict()))["missing"][0]["tie"] == list(named.tie)
 
 
 def test_a_size_that_is_unusual_ties_with_none_that_is_usual(solenoid):
