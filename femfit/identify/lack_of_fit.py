@@ -218,34 +218,36 @@ def describe_misfit(
     # A relative misfit refers to the prediction, of a Hall output without its quiescent voltage
     quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
     misfit, base = observations.residual[here], (observations.base - quiescent)[here]
-    share, shift = float(misfit @ base) / max(float(base @ base), 1e-300), float(misfit.mean())
-    square, beside_shift = float(misfit @ misfit), float(np.sum((misfit - shift) ** 2))
+    share, shift, square = _share(misfit, base), float(misfit.mean()), float(misfit @ misfit)
     if square <= ROUNDED**2 * float(base @ base):
         return sentence("where", "nothing", channel)
-    beside_share = float(np.sum((misfit - share * base) ** 2))
+    beside_shift, beside_share = (float(np.sum((misfit - made) ** 2)) for made in (shift, share * base))
     most = float(most_of_noise(observations, noise)[observations.channels.index(channel)])
     same = channel in noise.source and min(beside_shift, beside_share) <= len(misfit) * most**2
     structured = smooth[here] if smooth[here].any() else misfit
     worst = int(np.argmax(np.abs(structured)))
-    facts: dict[str, Any] = {"channel": channel, "magnitude": observations.magnitude.get(channel), "same": same}
-    facts |= {"size": float(structured[worst]), "share": None, "place": None}
+    facts: dict[str, Any] = {"size": float(structured[worst]), "share": None, "place": None}
     many = len(misfit) >= LEAST_READINGS  # fewer do not say what it is elsewhere
     level = same and not covariates and 2.0 * shift**2 > np.mean(structured**2)
-    if many and beside_share < beside_shift and _is_share(misfit, base, share):
+    nearly = min(beside_shift, beside_share) < LEFT_BY_SHARE * square
+    if many and beside_share < beside_shift and nearly and _is_share(misfit, base):
         facts["share"] = share
-    elif many and beside_shift <= beside_share and (level or beside_shift < LEFT_BY_SHARE * square):
+    elif many and beside_shift <= beside_share and (level or nearly):
         facts["size"] = shift
     else:
         names = [name for name in observations.settings if observations.column(name).any()]  # no current is no place
         names += [name for name in _FURTHER if name in covariates]
         facts["place"] = [(*parts_of(name), float(observations.column(name)[here][worst])) for name in names]
-    return sentence("where", "misfit", facts)
+    magnitude = observations.magnitude.get(channel)
+    return sentence("where", "misfit", facts | {"channel": channel, "magnitude": magnitude, "same": same})
 
 
-def _is_share(misfit: FloatArray, base: FloatArray, share: float) -> bool:
-    """Whether a misfit is next to all of one share of the prediction, large readings and small ones alike."""
-    small = np.abs(base) <= np.median(np.abs(base))
-    in_small = float(misfit[small] @ base[small]) / max(float(base[small] @ base[small]), 1e-300)
-    residual = misfit - share * base
-    is_all = float(residual @ residual) < LEFT_BY_SHARE * float(misfit @ misfit)
-    return is_all and abs(in_small - share) < SAME_SHARE * abs(share)
+def _share(misfit: FloatArray, base: FloatArray) -> float:
+    """The share of a prediction that leaves least of a misfit."""
+    return float(misfit @ base) / max(float(base @ base), 1e-300)
+
+
+def _is_share(misfit: FloatArray, base: FloatArray) -> bool:
+    """Whether a misfit is about the same share of the prediction in small readings as in all."""
+    small, share = np.abs(base) <= np.median(np.abs(base)), _share(misfit, base)
+    return abs(_share(misfit[small], base[small]) - share) < SAME_SHARE * abs(share)

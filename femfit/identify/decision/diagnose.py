@@ -232,9 +232,8 @@ def diagnose_observations(
         remarks += creeping_zeros(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))
-    where = Where("", (), "The model fits.")
-    if decision.verdict != "nothing_missing":
-        where = where_it_fails(observations, campaign.whitening)
+    fits = decision.verdict == "nothing_missing"
+    where = Where("", (), "The model fits.") if fits else where_it_fails(observations, campaign.whitening)
     after = observations.predict(fit.effects if fit else ())
     sure = decision.verdict == "named" and not alike and decision.probability_of_chosen > CERTAIN
     sure = sure and "guess" not in noise.source.values() and all(named.plausible for named in missing)

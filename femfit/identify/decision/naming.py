@@ -116,11 +116,8 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
     posterior, unknown = decision.posterior, _KINDS[decision.verdict][1]
     # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
     order = {name: k for k, name in enumerate(campaign.variants)}
-    likely = {
-        names: p
-        for (names, beside), p in posterior.probability.items()
-        if names and beside == unknown and not has_idle(posterior, names)
-    }
+    likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
+    likely = {names: p for names, p in likely.items() if not has_idle(posterior, names)}
     near = [names for names, p in likely.items() if p >= IN_CLASS * max(likely.values())]
     near.sort(key=lambda names: sorted(order[name] for name in names))
     near = ranked(near, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
@@ -194,13 +191,12 @@ def has_idle(posterior: Posterior, names: frozenset[str]) -> bool:
 
     Of two that change the readings alike the evidence prefers both to one of twice the size, which is less usual.
     """
-    fits = {others: each.fit for others, each in posterior.explanations.items() if others <= names}
-    whole = fits.pop(names, None)
-    return whole is not None and any(
-        fit.chi2 - whole.chi2 <= np.count_nonzero(~whole.active) - np.count_nonzero(~fit.active)
-        for fit in fits.values()
-        if fit
-    )
+    whole = posterior.explanations[names].fit
+    fewer = [each.fit for others, each in posterior.explanations.items() if others < names and each.fit]
+    if whole is None:
+        return False
+    more = [np.count_nonzero(~whole.active) - np.count_nonzero(~fit.active) for fit in fewer]
+    return any(fit.chi2 - whole.chi2 <= count for fit, count in zip(fewer, more, strict=True))
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
