@@ -218,7 +218,7 @@ class Effect:
     needs : tuple of str
         Columns without which data cannot show it: each entry is a column, or several joined by ``|`` of which one
         is enough. Columns that are constant count as missing where the entry starts with ``~``; ``magnet``, ``iron``,
-        ``spring``, ``stop`` and ``voltage driver`` stand for one in the model, ``no spring`` for none.
+        ``spring``, ``stop`` and ``voltage driver`` stand for one in the model.
     experiment : str
         The measurement that isolates it, as an instruction.
     words : callable or None

@@ -1,10 +1,10 @@
 """Forces beside the magnetic one, whose potential joins the co-energy: its slope is the force.
 
 ``spring``
-    A spring that the drawing lacks: force away from the electromagnet = preload + stiffness (d_max - d). The preload is
-    the force at the largest distance of the model; a negative one is that of a spring that pulls there. With
-    W' -> W' + preload d - stiffness (d_max - d)^2 / 2 a load cell on the body, a motion and the equilibrium see the
-    same spring. A preload alone, without a stiffness, is a constant force and not this.
+    A spring that the drawing lacks, beside what it has: force away from the electromagnet = preload + stiffness
+    (d_max - d). The preload is the force at the largest distance of the model; a negative one is that of a spring that
+    pulls there. With W' -> W' + preload d - stiffness (d_max - d)^2 / 2 a load cell on the body, a motion and the
+    equilibrium see the same spring. A preload alone, without a stiffness, is a constant force and not this.
 
 ``spring_stiffness``, ``spring_preload``, ``spring_in_force``
     The spring of the drawing is another one, or the force sensor carries it. Stiffer by a part e, as of thicker wire, a
@@ -54,7 +54,7 @@ SPRING = Effect(
             beside="stiffness",
         ),
     ),
-    needs=("~distance_m", "force_N|time_s", "no spring"),
+    needs=("~distance_m", "force_N|time_s"),
     experiment="Switch the current off and push the body through its travel with a spring balance.",
     reference="Hooke's law; Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10",
     energy=_energy,

@@ -17,8 +17,17 @@ from scipy import stats
 
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.effects.conditions import TEMPERATURES
-from femfit.identify.constants import BEYOND_NOISE, COARSE, COVARIATE_SHARE, LEAST_READINGS, LEFT_BY_SHARE, SAME_SHARE
-from femfit.identify.noise.whitening import NoiseModel, Whitening
+from femfit.identify.constants import (
+    BEYOND_NOISE,
+    COARSE,
+    COVARIATE_SHARE,
+    LEAST_READINGS,
+    LEFT_BY_SHARE,
+    LEVEL,
+    SAME_SHARE,
+    WITHIN_NOISE,
+)
+from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns, setting_errors
 from femfit.identify.observations import Observations
 from femfit.identify.patterns import Patterns, orthonormal_basis, smooth_patterns
 from femfit.identify.signatures import ROUNDED
@@ -119,11 +128,9 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     clear = _clearly_worst(observations, whitening.noise)
     worst = first_best((excess / counts).tolist()) if clear is None else clear
     channel, covariates = observations.channels[worst], _covariates(columns, patterns, worst, residual, smooth)
-    here, read = observations.of(channel), observations.residual
-    if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
-        # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
-        smooth = structured_misfit(patterns, whitening.serial(patterns.columns), whitening.serial(read))
-    return Where(channel, covariates, describe_misfit(observations, channel, covariates, smooth))
+    # What is said of the readings is what they show, whatever re-mounts may have made of it
+    shown = structured_misfit(patterns, *map(whitening.serial, (patterns.columns, observations.residual)))
+    return Where(channel, covariates, describe_misfit(observations, whitening.noise, channel, covariates, shown))
 
 
 def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
@@ -185,39 +192,63 @@ _FURTHER = ("branch", *TEMPERATURES, "order")
 """Covariates that are said beside the settings of the largest misfit where it changes with them."""
 
 
-def describe_misfit(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
+def most_of_noise(observations: Observations, noise: NoiseModel) -> FloatArray:
+    """The largest rms per channel that is still noise: 1.2 times it, of few readings as much as chance makes of it.
+
+    Noise is what was declared, or repeats show: of the readings, of settings, and of mounts and runs as far as the
+    readings show these. What is assumed of them does not count.
+    """
+    columns = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
+    settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
+    beside = observations.mean_square(np.sqrt(settings + np.sum(columns**2, axis=1)))
+    readings = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
+    by_chance = np.maximum(WITHIN_NOISE, np.sqrt(stats.chi2.isf(LEVEL, readings) / readings))
+    return np.asarray(by_chance * np.sqrt(noise.sigma**2 + beside))
+
+
+def describe_misfit(
+    observations: Observations, noise: NoiseModel, channel: str, covariates: Sequence[str], smooth: FloatArray
+) -> str:
     """One sentence on a misfit: ``Measured force is up to 12 mN low, most at 16 mm and 1.4 A``.
 
-    The structured part of recorded minus predicted, of shape (M,), says where it is the largest, and how large. What is
-    the same everywhere the readings themselves say; the structured part lacks what a re-mount could have done.
+    A shift of all readings, or a share of the prediction, whichever leaves less of the misfit, is the same everywhere
+    where it leaves no more than noise, and so on average where it leaves next to nothing. Otherwise the smooth part of
+    recorded minus predicted, of shape (M,), says where it is the largest, and how large.
     """
     of_channel = observations.of(channel)
     # A relative misfit refers to the prediction, of a Hall output without its quiescent voltage
     quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
     misfit, base = observations.residual[of_channel], (observations.base - quiescent)[of_channel]
-    square, share = float(misfit @ misfit), float(misfit @ base) / max(float(base @ base), 1e-300)
+    share, shift, square = _share(misfit, base), float(misfit.mean()), float(misfit @ misfit)
     if square <= ROUNDED**2 * float(base @ base):
         return sentence("where", "nothing", channel)
+    beside_shift, beside_share = (float(np.sum((misfit - made) ** 2)) for made in (shift, share * base))
+    most = float(most_of_noise(observations, noise)[observations.channels.index(channel)])
+    same = channel in noise.source and min(beside_shift, beside_share) <= len(misfit) * most**2
     structured = smooth[of_channel] if smooth[of_channel].any() else misfit
     worst = int(np.argmax(np.abs(structured)))
-    facts: dict[str, Any] = {"channel": channel, "magnitude": observations.magnitude.get(channel)}
-    facts |= {"size": float(structured[worst]), "share": None, "place": None}
+    facts: dict[str, Any] = {"size": float(structured[worst]), "share": None, "place": None}
     many = len(misfit) >= LEAST_READINGS  # fewer do not say what it is elsewhere
-    if many and _is_share(misfit, base, share):
+    level = same and not covariates and 2.0 * shift**2 > np.mean(structured**2)
+    nearly = min(beside_shift, beside_share) < LEFT_BY_SHARE * square
+    if many and beside_share < beside_shift and nearly and _is_share(misfit, base):
         facts["share"] = share
-    elif many and not covariates and 2.0 * structured.mean() ** 2 > np.mean(structured**2):
-        facts["size"] = float(misfit.mean())
+    elif many and beside_shift <= beside_share and (level or nearly):
+        facts["size"] = shift
     else:
         names = [name for name in observations.settings if observations.column(name).any()]  # no current is no place
         names += [name for name in _FURTHER if name in covariates]
         facts["place"] = [(*parts_of(name), float(observations.column(name)[of_channel][worst])) for name in names]
-    return sentence("where", "misfit", facts)
+    magnitude = observations.magnitude.get(channel)
+    return sentence("where", "misfit", facts | {"channel": channel, "magnitude": magnitude, "same": same})
 
 
-def _is_share(misfit: FloatArray, base: FloatArray, share: float) -> bool:
-    """Whether a misfit is next to all of one share of the prediction, large readings and small ones alike."""
-    small = np.abs(base) <= np.median(np.abs(base))
-    in_small = float(misfit[small] @ base[small]) / max(float(base[small] @ base[small]), 1e-300)
-    residual = misfit - share * base
-    is_all = float(residual @ residual) < LEFT_BY_SHARE * float(misfit @ misfit)
-    return is_all and abs(in_small - share) < SAME_SHARE * abs(share)
+def _share(misfit: FloatArray, base: FloatArray) -> float:
+    """The share of a prediction that leaves least of a misfit."""
+    return float(misfit @ base) / max(float(base @ base), 1e-300)
+
+
+def _is_share(misfit: FloatArray, base: FloatArray) -> bool:
+    """Whether a misfit is about the same share of the prediction in small readings as in all."""
+    small, share = np.abs(base) <= np.median(np.abs(base)), _share(misfit, base)
+    return abs(_share(misfit[small], base[small]) - share) < SAME_SHARE * abs(share)

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import TEMPERATURES, Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.ranking import is_coarse
 from femfit.fit.words import note
-from femfit.identify.constants import LEVEL, OWN_MISFIT, WITHIN_NOISE
-from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
+from femfit.identify.constants import OWN_MISFIT
+from femfit.identify.lack_of_fit import most_of_noise
+from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.observations import Observations
 from femfit.identify.settings import currents_in
 from femfit.identify.words import sentence
@@ -150,23 +150,14 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
 def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> dict[str, float]:
     """Channels whose rms error is more than their noise, and how many times the noise of one reading it is.
 
-    Within the noise is what is at most 1.2 times what the declared noise, or repeats, show: of the readings, of
-    settings, and of mounts and runs as far as the readings show these. What is assumed of them does not count, nor a
-    guess of the noise. Few readings may have more: what chance makes of so many, at the level of the tests. A channel
-    of unknown noise is in no list.
+    Within the noise is what :func:`most_of_noise` grants; a guess of the noise grants nothing. A channel of unknown
+    noise is in no list.
     """
     if noise is None:
         return {}
-    # Rms error that the noise makes in each channel, by what was declared and what the readings show of it
-    columns = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
-    settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
-    beside = observations.mean_square(np.sqrt(settings + np.sum(columns**2, axis=1)))
-    shown = np.sqrt(noise.sigma**2 + beside)
-    readings = np.bincount(observations.channel, minlength=len(shown))
-    largest = np.maximum(WITHIN_NOISE, np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)) * shown
     return {
         name: rms[name] / float(sigma)
-        for name, sigma, most in zip(noise.channels, noise.sigma, largest, strict=True)
+        for name, sigma, most in zip(noise.channels, noise.sigma, most_of_noise(observations, noise), strict=True)
         if name in noise.source and rms.get(name, 0.0) > most
     }
 

@@ -108,8 +108,12 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
         sensor, values = model.sensor, rows["hall_V"].to_numpy()
         ended = at_ends_of_range(sensor, values)
         if count := int(ended.sum()):
-            ends: dict[str, Any] = {"low": sensor.output_min_V, "high": sensor.output_max_V}
-            clipped.append(finding("clipped", "hall_V", float(count), readings=count, **ends))
+            low, high = sensor.output_min_V, sensor.output_max_V
+            slack = DOMAIN_SLACK * (high - low)
+            beyond = int(np.sum((values < low - slack) | (values > high + slack)))
+            facts: dict[str, Any] = {"low": low, "high": high, "beyond": beyond}
+            facts |= {"least": float(np.nanmin(values)), "most": float(np.nanmax(values))}
+            clipped.append(finding("clipped", "hall_V", float(count), readings=count, **facts))
             rows = rows.assign(hall_V=np.where(ended, np.nan, values))
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
     if suspected or doubted:

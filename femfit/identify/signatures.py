@@ -41,7 +41,6 @@ def _without_part(nominal: Nominal) -> dict[str, str]:
         ("spring", nominal.springs is None, "the drawing has no spring"),
         ("voltage driver", not nominal.voltage_driver, "a current amplifier feeds the winding"),
         ("stop", not any(map(math.isfinite, nominal.stops_m)), "the drawing has no stop"),
-        ("no spring", nominal.springs is not None, "the drawing has a spring, whose own errors are looked at"),
     )
     return {component: "" for component, _, _ in faults} | {component: why for component, fault, why in faults if fault}
 

@@ -194,7 +194,7 @@ def test_turns_that_are_not_whole_are_said():
     one = CalibratedNumber.of(facts, 98.7, 0.7, 0.6)
     now = SimpleNamespace(choice=Choice((facts,)), covariance=np.array([[0.36]]))
     (remark,) = remarks(now, (one,), ())
-    assert all(text in remark for text in (facts.title, "98.7", "99", "0.50"))
+    assert all(text in remark for text in (facts.title, "98.7", "99 is 0.43 ", "0.50 were the rest exactly as drawn"))
     assert not list(remarks(now, (replace(one, value=99.0),), ()))
 
 

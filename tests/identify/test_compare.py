@@ -8,7 +8,7 @@ import pytest
 
 import femfit as ff
 from femfit.effects.conditions import Conditions
-from femfit.identify.bench import placed
+from femfit.identify.bench import bench_observations, placed
 from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.remarks import campaign_remarks
 from femfit.identify.lack_of_fit import describe_misfit, where_it_fails
@@ -81,6 +81,26 @@ def test_the_freedom_of_the_mounts_is_said(levitation_model, unread):
     assert (comparison.verdict, comparison.where.channel) == ("agrees", "")
     assert comparison.noise.mount_m == pytest.approx(300e-6, rel=0.9)  # three mounts
     assert not comparison.noise.mount_assumed  # they contradict the 20 um that are assumed otherwise
+
+
+@pytest.mark.nightly
+def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model):
+    """Two runs do not show how well a body comes back: what 20 um make is neither noise nor missing.
+
+    A body that comes back by more than twice as far by chance, one in twenty, is beyond what was declared, too.
+    """
+    noise, beyond = {name: 0.2 * sd for name, sd in NOISE.items()}, []
+    for seed in range(20, 22):
+        table = campaign(levitation_model, seed, runs=2, mount_m=20e-6, rho=0.0, noise=noise)
+        comparison = ff.compare(levitation_model, table)
+        assert comparison.noise.mount_assumed
+        assert "(from few mounts and what is usual)" in str(comparison)
+        assert ("Declare distance_mm" in str(comparison)) == bool(comparison.beyond_noise)
+        declared = ff.compare(levitation_model, replace(table, declared_noise={"distance_m": 20e-6}))
+        beyond.append((comparison.verdict == "agrees", bool(comparison.beyond_noise), bool(declared.beyond_noise)))
+    agreeing, assumed, known = np.sum(beyond, axis=0)
+    assert agreeing == 2
+    assert assumed > known
 
 
 def test_a_channel_that_was_read_in_one_run_is_not_judged(levitation_model):
@@ -208,7 +228,31 @@ def test_one_reading_does_not_say_what_a_misfit_is_everywhere(levitation_model):
     first = low.of("force_N") & (np.cumsum(low.of("force_N")) == 1)
     few = low.select(first | low.of("hall_V"))
     for some, there in ((low, " 6 % low everywhere"), (few, " low, most at 15 mm and 0 A")):
-        assert there in describe_misfit(some, "force_N", (), some.residual)
+        assert there in describe_misfit(some, estimate_noise(observations), "force_N", (), some.residual)
+
+
+@pytest.mark.parametrize(
+    ("offset_V", "gain", "said"),
+    [(0.03, 1.0, " 30 mV high everywhere"), (0.0, 0.9, " 10 % nearer to the quiescent voltage than predicted every")],
+)
+def test_a_hall_output_below_its_quiescent_voltage_that_is_shifted_up_is_high(levitation_model, offset_V, gain, said):
+    """A shift is a share of what hardly varies; whichever of the two leaves less is said."""
+    observations = bench_observations(levitation_model, campaign(levitation_model, 3, mount_m=0.0))
+    quiescent = float(observations.base[observations.of("hall_V")].max()) + 0.5
+    low = replace(observations, nominal=replace(observations.nominal, hall_quiescent_V=quiescent))
+    error = offset_V + (gain - 1.0) * (low.base - quiescent)
+    low = low.with_values(low.value + np.where(low.of("hall_V"), error, 0.0))
+    assert said in describe_misfit(low, estimate_noise(observations), "hall_V", (), low.residual)
+
+
+def test_a_share_that_differs_from_setting_to_setting_by_more_than_noise_is_one_on_average(levitation_model):
+    """From 8 % at the smallest force to 5 % at the largest: next to all of one share, but not the same everywhere."""
+    observations = bench_observations(levitation_model, campaign(levitation_model, 3, mount_m=0.0))
+    force, noise = np.where(observations.of("force_N"), observations.base, 0.0), estimate_noise(observations)
+    varied = 0.08 - 0.03 * np.abs(force) / np.abs(force).max()
+    for share, there in ((varied, " high on average"), (0.08, " 8 % high everywhere")):
+        high = observations.with_values(observations.base + share * force)
+        assert there in describe_misfit(high, noise, "force_N", (), high.residual)
 
 
 @pytest.fixture

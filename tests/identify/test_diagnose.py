@@ -1,6 +1,7 @@
 """The decision on campaigns whose truth is known: nothing, something known or unknown, too little to say."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Block, detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import said_of
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
-from femfit.identify.decision.naming import decide
+from femfit.identify.decision.naming import decide, has_idle
+from femfit.identify.decision.search import Posterior
 from femfit.identify.misfit import ChannelFall, ErrorFall
 from femfit.model.validity import Misfit
 from support.campaign import LARGE, NOISE, OF_POT, campaign, hidden, noise_of, ripple, rising, without
@@ -194,6 +196,8 @@ def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitat
     assert alone.missing[0].name == "constant_force"
     assert not alone.confident
     assert "a constant error of the force" in alone.look_alikes
+    # What is a question of a list is not said to fit these readings
+    assert "the cause and not listed, this name would have been given" in said_of(alone, "certainty")
 
 
 @pytest.fixture(scope="module")
@@ -333,3 +337,13 @@ def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_ref
         if not ended:
             assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
             assert "hall_drift" in result.missing[1].members  # whose end all runs have in common
+
+
+@pytest.mark.parametrize(("chi2_alone", "needed"), [(202.1, False), (203.0, False), (212.0, True)])
+def test_of_two_effects_that_act_alike_one_is_named_where_it_leaves_as_little_as_both(chi2_alone, needed):
+    """An unusual size is less unusual in halves, so that the evidence alone prefers both."""
+    alone = SimpleNamespace(fit=SimpleNamespace(chi2=chi2_alone, active=np.array([False])))
+    both = SimpleNamespace(fit=SimpleNamespace(chi2=202.1, active=np.array([False, False])))
+    names = frozenset({"current_offset", "core_remanence"})
+    posterior = Posterior({frozenset({"current_offset"}): alone, names: both})
+    assert [has_idle(posterior, some) for some in (names, names - {"core_remanence"})] == [not needed, False]

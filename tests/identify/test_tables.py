@@ -114,6 +114,9 @@ def test_readings_at_the_rails_are_set_aside(levitation_model, table):
     checked = plausible_table(levitation_model, clipped)
     assert (checked.rows["hall_V"].isna() == (clipped.rows["hall_V"] >= 5.0 - 5.0 / 4096)).all()
     assert told(checked.findings)[-1] == ("clipped", "hall_V")
+    assert "there it is clipped" in str(checked.findings[-1])
+    beyond = plausible_table(levitation_model, with_columns(table, hall_V=table.rows["hall_V"] + 2.2)).findings[-1]
+    assert ("No clipped output reads beyond its range" in str(beyond), beyond.severity) == (True, "warning")
 
 
 def test_beside_a_model_an_outlier_of_twenty_sigma_is_found(levitation_model, table):

@@ -15,6 +15,7 @@ from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.identify.bench import bench_observations, placed
+from femfit.identify.decision.diagnose import said_of
 from femfit.identify.plan import possible_experiments
 from femfit.identify.signatures import why_untestable
 from femfit.model.bspline import DistanceCoordinate
@@ -95,6 +96,9 @@ def test_of_equal_causes_the_one_with_fewer_parameters_stands_first_and_all_are_
     assert "magnet_demagnetisation" in named.tie
     assert set(named.tie) <= set(named.members)
     assert len(named.tied_words) == len(named.tie) - 1
+    # What stands in the first line is not said to be a further cause
+    further = set(named.members) - set(named.tie)
+    assert ("would give the same readings as well" in said_of(found, "certainty")) == bool(further)
     assert json.loads(json.dumps(found.to_dict()))["missing"][0]["tie"] == list(named.tie)
 
 
@@ -180,7 +184,15 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
     with_it = with_effects(drawn, [hidden("spring_in_force", share=1.0)])
     for model, sound in ((with_it, table), (drawn, campaign(drawn, 43, **SIZE))):
         assert "drawn-spring" not in {one.code for one in ff.compare(model, sound).findings}
-    assert "drawing has a spring" in why_untestable(effect_by_name("spring"), bench_observations(drawn, table))
+
+
+def test_a_stray_spring_beside_a_drawn_one_is_named_or_leaves_nothing_certain():
+    """With the drawn one's free length it is a part of its force; with another one it is none."""
+    drawn = replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(300.0, 0.0, 9e-3),)))
+    for stray, name in ((Spring(60.0, 0.0, 9e-3), "spring_in_force"), (Spring(100.0, 0.8, 6e-3), "spring")):
+        found = ff.diagnose(drawn, campaign(drawn, 43, change=carrying(stray), **SIZE))
+        assert (found.verdict, [one.name for one in found.missing]) == ("named", [name])
+        assert not found.confident or name == "spring"
 
 
 @pytest.mark.nightly

@@ -11,11 +11,13 @@ from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.bench import placed
 from femfit.identify.constants import CERTAIN, LEVEL
 from femfit.identify.decision.campaign import Campaign, considered_effects, detectable_magnitudes, gather
-from femfit.identify.decision.naming import Decision, NamedEffect, decide, look_alikes, named_effects
+from femfit.identify.decision.naming import Decision, decide, look_alikes
 from femfit.identify.decision.remarks import (
+    NamedEffect,
     ScoredEffect,
     campaign_remarks,
     creeping_zeros,
+    named_effects,
     ranking_of,
     scored,
     stage_errors,
@@ -230,9 +232,8 @@ def diagnose_observations(
         remarks += creeping_zeros(campaign)
     if decision.posterior.ended:
         remarks.append(finding("search-ended", size=len(decision.fits), count=len(decision.fits)))
-    where = Where("", (), "The model fits.")
-    if decision.verdict != "nothing_missing":
-        where = where_it_fails(observations, campaign.whitening)
+    fits = decision.verdict == "nothing_missing"
+    where = Where("", (), "The model fits.") if fits else where_it_fails(observations, campaign.whitening)
     after = observations.predict(fit.effects if fit else ())
     sure = decision.verdict == "named" and not alike and decision.probability_of_chosen > CERTAIN
     sure = sure and "guess" not in noise.source.values() and all(named.plausible for named in missing)

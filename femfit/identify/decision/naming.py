@@ -15,7 +15,6 @@ import numpy as np
 
 from femfit.core.numerics import ROUNDING as NUMERIC
 from femfit.core.numerics import ranked
-from femfit.effects.words import describe
 from femfit.identify.constants import (
     BEYOND_NOISE,
     EXPLAINED,
@@ -84,33 +83,6 @@ class Decision:
         return {each.names: fit for each, fit in ranked(refitted, lambda pair: pair[0].log_evidence, ROUNDING)}
 
 
-@dataclass(frozen=True)
-class NamedEffect:
-    """An effect that the verdict names."""
-
-    data = (
-        *("name", "explained_share", "parameters", "ci95", "words", "tied_words", "plausible", "class=members", "tie"),
-        "when",
-    )
-
-    name: str
-    members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
-    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
-    explained_share: float  # Part of the structured misfit, above the noise, that all that is named explains
-    parameters: Mapping[str, float]
-    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
-    words: tuple[str, ...] = ()
-    tied_words: tuple[tuple[str, ...], ...] = ()  # Of the others of the tie, in their order
-    plausible: bool = True  # Whether every parameter lies in its plausible range
-    # First and last run in which it acts, counted from 1; None for all
-    runs: tuple[int, int] | None = None
-
-    @property
-    def when(self) -> dict[str, int] | None:
-        """First and last run by their names."""
-        return dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
-
-
 def fails_surely(campaign: Campaign) -> bool:
     """Whether something is missing, whatever a search for its name would find."""
     return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
@@ -145,6 +117,7 @@ def _named(campaign: Campaign, decision: Decision) -> Decision:
     # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
     order = {name: k for k, name in enumerate(campaign.variants)}
     likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
+    likely = {names: p for names, p in likely.items() if not has_idle(posterior, names)}
     near = [names for names, p in likely.items() if p >= IN_CLASS * max(likely.values())]
     near.sort(key=lambda names: sorted(order[name] for name in names))
     near = ranked(near, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
@@ -211,6 +184,19 @@ def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], 
     return sorted(alike, key=lambda names: np.count_nonzero(~fits[names].active) if names in fits else 0)
 
 
+def has_idle(posterior: Posterior, names: frozenset[str]) -> bool:
+    """Whether some effects of a set leave as little as all of it, but for what noise gives a parameter on average.
+
+    Of two that change the readings alike the evidence prefers both to one of twice the size, which is less usual.
+    """
+    whole = posterior.explanations[names].fit
+    fewer = [each.fit for others, each in posterior.explanations.items() if others < names and each.fit]
+    if whole is None:
+        return False
+    more = [np.count_nonzero(~whole.active) - np.count_nonzero(~fit.active) for fit in fewer]
+    return any(fit.chi2 - whole.chi2 <= count for fit, count in zip(fewer, more, strict=True))
+
+
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
     """What may stand for one of the named effects, the others the same; the most probable first."""
     rest = near[0] - {name}
@@ -233,14 +219,16 @@ def _as_its_own(campaign: Campaign) -> bool:
 def look_alikes(campaign: Campaign, decision: Decision) -> tuple[str, ...]:
     """Effects that would have been given the chosen names on these data, had they been the cause and not been listed.
 
-    First the others of the classes, then those of further explanations that the data leave, then examples, the most
-    alike first.
+    First the others of the classes, then those of further explanations that the data leave, then of improbable ones
+    that leave no more of the readings by no more effects, then examples, the most alike first.
     """
     chosen = decision.chosen
     if chosen is None or chosen.fit is None or chosen.linear is None:
         return ()
     rivals = [name for members in decision.classes for name in members[1:]]
     rivals += [n for each in decision.remaining if not set(chosen.names) <= set(each.names) for n in each.names]
+    as_near = (names for names, fit in decision.fits.items() if fit.chi2 <= chosen.fit.chi2)
+    rivals += [n for names in as_near if len(names) <= len(chosen.names) for n in names]
     examples = ranked(list(_noticed(campaign, chosen.fit, chosen.linear).items()), lambda pair: -pair[1], NUMERIC)
     rivals += [name for name, odds in examples if odds < NOTICED]
     return tuple(name for name in dict.fromkeys(rivals) if name not in chosen.names)
@@ -274,28 +262,3 @@ def _noticed(campaign: Campaign, fit: Refit, linear: Linear) -> dict[str, float]
             if most >= length:
                 result[name] = min(result.get(name, np.inf), float(odds))
     return result
-
-
-def named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
-    """What is named, each effect with its class and the sizes of those that are as likely."""
-    by_name = {added.effect.name: added for added in fit.effects}
-    exchanged = {frozenset(each.names): each.fit for each in decision.remaining if each.fit}
-    nominal, result = campaign.observations.nominal, []
-    for members, tie in zip(decision.classes, decision.ties, strict=True):
-        added, beside = by_name[members[0]], set(fit.names) - {members[0]}
-        refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        exchanges = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
-        named = NamedEffect(
-            name=members[0],
-            members=members,
-            tie=tie,
-            explained_share=campaign.explained_share(fit, excess),
-            parameters=dict(added.parameters),
-            ci95=dict(added.ci95),
-            words=tuple(describe(added, nominal)),
-            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in exchanges),
-            plausible=plausible(added),
-            runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
-        )
-        result.append(named)
-    return tuple(result)

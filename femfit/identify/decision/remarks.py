@@ -1,23 +1,52 @@
-"""What a campaign says beside what is named: each effect alone, dead sensors, guessed noise, errors of the bench.
+"""What a campaign says of what is named, and beside it: each effect alone, dead sensors, guessed noise, bench errors.
 
 An error of the bench that no effect of the catalogue is, of the stage or of a sensor's zero, is taken out of the misfit
 with whatever sizes it may have; it is said where nothing is left then.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from femfit.core.numerics import ranked
 from femfit.core.results import Finding
+from femfit.effects.words import describe
 from femfit.identify.constants import CREEP_DEGREE, LEVEL, READINGS_OF_A_STOP, ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.naming import Decision
 from femfit.identify.noise.components import dead_sensors
 from femfit.identify.noise.whitening import NoiseModel, stops
-from femfit.identify.refit import fitted_together
+from femfit.identify.refit import Refit, fitted_together, plausible
 from femfit.identify.words import finding
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that the verdict names."""
+
+    data = (
+        *("name", "explained_share", "parameters", "ci95", "words", "tied_words", "plausible", "class=members", "tie"),
+        "when",
+    )
+
+    name: str
+    members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
+    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
+    explained_share: float  # Part of the structured misfit, above the noise, that all that is named explains
+    parameters: Mapping[str, float]
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
+    words: tuple[str, ...] = ()
+    tied_words: tuple[tuple[str, ...], ...] = ()  # Of the others of the tie, in their order
+    plausible: bool = True  # Whether every parameter lies in its plausible range
+    # First and last run in which it acts, counted from 1; None for all
+    runs: tuple[int, int] | None = None
+
+    @property
+    def when(self) -> dict[str, int] | None:
+        """First and last run by their names."""
+        return dict(zip(("first_run", "last_run"), self.runs, strict=True)) if self.runs else None
 
 
 @dataclass(frozen=True)
@@ -34,6 +63,31 @@ class ScoredEffect:
     # Rms error that it leaves alone, refitted, over the noise of one reading, all channels together; NaN where it was
     # not refitted
     error_left: float = float("nan")
+
+
+def named_effects(campaign: Campaign, decision: Decision, fit: Refit, excess: float) -> tuple[NamedEffect, ...]:
+    """What is named, each effect with its class and the sizes of those that are as likely."""
+    by_name = {added.effect.name: added for added in fit.effects}
+    exchanged = {frozenset(each.names): each.fit for each in decision.remaining if each.fit}
+    nominal, result = campaign.observations.nominal, []
+    for members, tie in zip(decision.classes, decision.ties, strict=True):
+        added, beside = by_name[members[0]], set(fit.names) - {members[0]}
+        refits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
+        exchanges = [[a for a in each.effects if a.effect.name not in beside] if each else [] for each in refits]
+        named = NamedEffect(
+            name=members[0],
+            members=members,
+            tie=tie,
+            explained_share=campaign.explained_share(fit, excess),
+            parameters=dict(added.parameters),
+            ci95=dict(added.ci95),
+            words=tuple(describe(added, nominal)),
+            tied_words=tuple(tuple(clause for a in rivals for clause in describe(a, nominal)) for rivals in exchanges),
+            plausible=plausible(added),
+            runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
+        )
+        result.append(named)
+    return tuple(result)
 
 
 def scored(campaign: Campaign) -> tuple[ScoredEffect, ...]:
