@@ -166,7 +166,7 @@ def test_a_report_on_two_circuits_names_each(tmp_path, renew):
     (clips,) = (one for one in audit_model(fit.model).findings if one.code == "hall_range")
     # 22 to 58 mT over the distance, symmetric in the currents: above 39 mT in 19/36, at 2 A and -2 A from 0.25 mm on
     assert clips.recomputed == pytest.approx(19.0 / 36.0, abs=5e-3)
-    assert "clipped at 4.45 V from 0.260 to 0.800 mm at some currents" in clips.sentence
+    assert "clipped at 4.45 V from 0.254 to 0.800 mm at some currents" in clips.sentence
     check_page("bearing", page, renew)
 
 
