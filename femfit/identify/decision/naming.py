@@ -189,12 +189,12 @@ def has_idle(posterior: Posterior, names: frozenset[str]) -> bool:
 
     Of two that change the readings alike the evidence prefers both to one of twice the size, which is less usual.
     """
-    whole = posterior.explanations[names].fit
-    fewer = [each.fit for others, each in posterior.explanations.items() if others < names and each.fit]
-    if whole is None:
+    every = posterior.explanations[names].fit
+    if every is None:
         return False
-    more = [np.count_nonzero(~whole.active) - np.count_nonzero(~fit.active) for fit in fewer]
-    return any(fit.chi2 - whole.chi2 <= count for fit, count in zip(fewer, more, strict=True))
+    fewer = [some.fit for subset, some in posterior.explanations.items() if subset < names and some.fit]
+    parameters = np.count_nonzero(~every.active)
+    return any(fit.chi2 - every.chi2 <= parameters - np.count_nonzero(~fit.active) for fit in fewer)
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
